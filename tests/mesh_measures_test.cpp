@@ -137,6 +137,19 @@ TEST(MeshMeasuresTest, CrossingsAreFound)
     EXPECT_EQ(crossings(two), 0u);
 }
 
+/// Where sides meet sides and corners there is no side that runs through an inside.
+TEST(MeshMeasuresTest, CrossingsOfSymmetricSolidsAreFound)
+{
+    const Mesh cube = box({0, 0, 0}, {2, 2, 2});
+    EXPECT_EQ(crossings(joined(cube, box({1, 1, 1}, {2, 2, 2}))), 6u);
+    EXPECT_EQ(crossings(joined(cube, box({1, 1, 0}, {2, 2, 2}))), 6u);
+    Mesh two;
+    two.positions = {Vec3f(0, 0, 0), Vec3f(4, 0, 0),    Vec3f(0, 4, 0),
+                     Vec3f(1, 1, 2), Vec3f(-1, -1, -2), Vec3f(3, 3, -2)};
+    two.triangles = {{0, 1, 2}, {3, 4, 5}};
+    EXPECT_EQ(crossings(two), 1u) << "from a corner to the middle of a side";
+}
+
 /// Against all pairs, each alone.
 TEST(MeshMeasuresTest, TheTreeFindsWhatEveryPairSays)
 {

@@ -100,8 +100,8 @@ MeshReport measure(const Mesh& mesh);
 /// The indices of two triangles of a mesh, the lower first.
 using TrianglePair = std::array<std::uint32_t, 2>;
 
-/// The pairs of triangles that cross, sorted: a side of one passes through the inside of the other.
-/// Pairs with a common edge, or that only touch or overlap in a plane, do not count. Exact on
+/// The pairs of triangles that cross, sorted: their insides meet. Pairs with a common edge, or that
+/// only touch or overlap in a plane, do not count. Exact on
 /// positions rounded to 2^-30 of the mesh's size. The same for any number of threads.
 /// @throws Interrupted.
 std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh,

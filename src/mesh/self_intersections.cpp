@@ -95,34 +95,35 @@ std::array<int, 3> sidesOf(const Corners& plane, const Corners& of)
     return sides;
 }
 
-/// Whether a side of @a of, whose corners are on @a sides of the plane, runs through the inside of
-/// @a through.
-bool pierces(const Corners& through, const Corners& of, const std::array<int, 3>& sides)
-{
-    for (std::size_t n = 0; n < 3; ++n) {
-        const std::size_t m = (n + 1) % 3;
-        if (sides[n] * sides[m] >= 0) continue;
-        const int first = orientation(of[n], of[m], through[0], through[1]);
-        if (first != 0 && orientation(of[n], of[m], through[1], through[2]) == first &&
-            orientation(of[n], of[m], through[2], through[0]) == first)
-            return true;
-    }
-    return false;
-}
-
 bool onOneSide(const std::array<int, 3>& sides)
 {
     const auto [least, most] = std::minmax_element(sides.begin(), sides.end());
     return *least >= 0 || *most <= 0;
 }
 
-bool cross(const Corners& a, const Corners& b)
+/// Turn @a corners so that the first is alone on its side of a plane.
+/// @param sides  that the corners lie on, not all of them on one. @return the first one's.
+int bringFirst(Corners& corners, std::array<int, 3> sides)
+{
+    while (sides[0] == 0 || sides[0] == sides[1] || sides[0] == sides[2]) {
+        std::rotate(corners.begin(), corners.begin() + 1, corners.end());
+        std::rotate(sides.begin(), sides.begin() + 1, sides.end());
+    }
+    return sides[0];
+}
+
+/// Whether the insides of two triangles meet that do not lie in a plane: each has a part of the
+/// line that both planes share, and the parts overlap. [Guigue and Devillers 2003]
+bool cross(Corners a, Corners b)
 {
     const std::array<int, 3> ofB = sidesOf(a, b);
     if (onOneSide(ofB)) return false;
     const std::array<int, 3> ofA = sidesOf(b, a);
     if (onOneSide(ofA)) return false;
-    return pierces(a, b, ofB) || pierces(b, a, ofA);
+    const int sideOfA = bringFirst(a, ofA), sideOfB = bringFirst(b, ofB);
+    if (sideOfA > 0) std::swap(b[1], b[2]);
+    if (sideOfB > 0) std::swap(a[1], a[2]);
+    return orientation(a[0], a[1], b[0], b[1]) > 0 && orientation(a[0], a[2], b[2], b[0]) > 0;
 }
 
 /// Finds the crossing pairs among the triangles of two leaves.
