@@ -33,6 +33,23 @@ double uniform(std::uint64_t n)
     return double((n ^ n >> 31) >> 11) * 0x1p-53;
 }
 
+/// The place on a triangle that a curve through all of it (Sierpinski's) reaches when it has passed
+/// a share @a done of the area, in [0, 1): places that follow each other are near each other.
+Vec3d onCurve(const TriangleTree::Corners& corners, double done)
+{
+    constexpr int kHalvings = 40; ///< of the area [derived: lengths to 2^-20 of the triangle's]
+    Vec3d from = corners[0].cast<double>(), apex = corners[1].cast<double>(),
+          to = corners[2].cast<double>();
+    for (int n = 0; n < kHalvings; ++n) {
+        const Vec3d middle = (from + to) / 2;
+        done *= 2;
+        (done < 1 ? to : from) = apex;
+        if (done >= 1) done -= 1;
+        apex = middle;
+    }
+    return (from + apex + to) / 3;
+}
+
 /// Random places on a mesh, one in each of size() equal parts of its area, in the tree's order.
 class Samples
 {
@@ -56,14 +73,11 @@ public:
     Vec3d operator()(std::size_t n) const
     {
         constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15; // of SplitMix64 [paper: Steele14]
-        const std::uint64_t seed = kStep * (3 * n + 1);
-        const double area = (double(n) + uniform(seed)) / double(mSize) * mAreas.back();
+        const double area = (double(n) + uniform(kStep * (n + 1))) / double(mSize) * mAreas.back();
         const auto found = std::upper_bound(mAreas.begin(), mAreas.end(), area);
         const auto slot = std::min(std::size_t(found - mAreas.begin()), mAreas.size() - 1);
-        const auto& [a, b, c] = mTree.corners(slot);
-        const double r = std::sqrt(uniform(seed + kStep)), s = uniform(seed + 2 * kStep);
-        return mMesh.frame + (1 - r) * a.cast<double>() + r * (1 - s) * b.cast<double>() +
-               r * s * c.cast<double>();
+        const double before = slot > 0 ? mAreas[slot - 1] : 0, own = mAreas[slot] - before;
+        return mMesh.frame + onCurve(mTree.corners(slot), own > 0 ? (area - before) / own : 0);
     }
 
 private:
