@@ -1,3 +1,4 @@
+#include "band_blocks.h"
 #include "band_window.h"
 #include "core/parallel_each.h"
 #include "grid/has_inside.h"
@@ -40,9 +41,6 @@ constexpr int kCubeBits = 6;
 /// Runs of places in one block from which on places are taken as they come, in places: sorting one
 /// costs a hundredth of loading a block. [free: time]
 constexpr std::size_t kLongRun = 64;
-/// Key of a place beyond the band's blocks. [derived: the type's largest]
-constexpr std::uint64_t kFar = ~std::uint64_t(0);
-
 /// Three numbers of row @a i.
 Vec3d placeAt(const NumberView& places, std::size_t i)
 {
@@ -56,65 +54,6 @@ void requireNumbers(const NumberView& places)
     if (places.type == NumberView::Type::Byte)
         throw UsageError("places are floats or doubles, not bytes");
 }
-
-/// The blocks of a level set that may hold places in its band, numbered.
-class Blocks
-{
-public:
-    explicit Blocks(const openvdb::FloatTree& tree)
-    {
-        openvdb::CoordBBox box;
-        tree.evalLeafBoundingBox(box);
-        if (box.empty()) return;
-        // A cell's voxels may lie in the next block.
-        mFirst = (box.min() >> 3).offsetBy(-1);
-        const Coord last = box.max() >> 3;
-        for (int axis = 0; axis < 3; ++axis)
-            mCount[std::size_t(axis)] = std::uint64_t(last[axis] - mFirst[axis]) + 1;
-        const double blocks = double(mCount[0]) * double(mCount[1]) * double(mCount[2]);
-        if (blocks > kMostBlocks) {
-            mCount = {};
-            return;
-        }
-        const std::uint64_t all = mCount[0] * mCount[1] * mCount[2];
-        while (all >> mBits) ++mBits;
-    }
-
-    /// Bits of keys; kFar is larger in them than all others.
-    int bits() const { return mBits; }
-    /// The block that holds @a at, voxels; kFar if there is none. @param within  becomes the place
-    /// in it, voxels from its origin.
-    std::uint64_t find(const Vec3d& at, Vec3f& within) const
-    {
-        std::uint64_t key = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-            const double from = at[axis] / kBlockDim - mFirst[axis];
-            const std::uint64_t count = mCount[std::size_t(axis)];
-            if (!(from >= 0 && from < double(count))) return kFar;
-            const auto block = std::int64_t(from);
-            key = key * count + std::uint64_t(block);
-            within[axis] = std::min(float(kBlockDim * (from - double(block))), kLast);
-        }
-        return key;
-    }
-    Coord origin(std::uint64_t key) const
-    {
-        const std::uint64_t row = key / mCount[2];
-        const Coord block(int(row / mCount[1]), int(row % mCount[1]), int(key % mCount[2]));
-        return (mFirst + block) << 3;
-    }
-
-private:
-    /// Most blocks that keys number; parts that are farther apart have none. [derived: with the
-    /// bits of cubes and rounded as doubles, keys are below 2^63]
-    static constexpr double kMostBlocks = 0x1p56;
-    /// The last place in a block, voxels from its origin. [derived: the float below 8]
-    static constexpr float kLast = 8 - 0x1p-21f;
-
-    Coord mFirst;
-    std::array<std::uint64_t, 3> mCount{};
-    int mBits = 1;
-};
 
 /// The distance at places of a block by its voxels' values, without triangles. For one thread.
 class BlockDistance
@@ -177,7 +116,8 @@ class Queries::Answers
 public:
     Answers(LevelSet levelSet, FieldPtr field)
         : mLevelSet(std::move(levelSet)), mField(std::move(field)), mLattice(mLevelSet.lattice()),
-          mBlocks(mLevelSet.grid().tree()), mIsEmpty(!hasInside(mLevelSet.grid().tree()))
+          mBlocks(mLevelSet.grid().tree()), mBox(mLevelSet.bounds()),
+          mIsEmpty(!hasInside(mLevelSet.grid().tree()))
     {
     }
 
@@ -236,23 +176,28 @@ public:
 
     /// Copies of @a places, of which those that are very far are drawn towards the level set: the
     /// surface's nearest place is the same, but for roundings. None where none is as far.
-    std::vector<Vec3d> drawnNear(const NumberView& places) const
+    std::vector<Vec3d> drawnNear(const NumberView& places, Interrupter& progress) const
     {
         /// Distance, diagonals of the box. [derived: half of a double's bits. From there on all
         /// places of a face across are equally far, but for roundings]
         constexpr double kVeryFar = 0x1p26;
-        const Box3d box = mLevelSet.bounds();
-        if (box.isEmpty()) return {};
-        const double reach = kVeryFar * box.diagonal().norm();
-        std::vector<Vec3d> near;
-        for (std::size_t i = 0; i < places.rows; ++i) {
-            const Vec3d away = placeAt(places, i) - box.center();
+        if (mBox.isEmpty()) return {};
+        const Vec3d middle = mBox.center();
+        const double reach = kVeryFar * mBox.diagonal().norm();
+        const auto drawn = [&](const Vec3d& place) -> Vec3d {
+            const Vec3d away = place - middle;
             const double farthest = away.cwiseAbs().maxCoeff();
-            if (!(farthest > reach) || !away.allFinite()) continue;
-            if (near.empty())
-                for (std::size_t n = 0; n < places.rows; ++n) near.push_back(placeAt(places, n));
-            near[i] = box.center() + reach * (away / farthest);
-        }
+            if (!(farthest > reach) || !away.allFinite()) return place;
+            return middle + reach * (away / farthest);
+        };
+        std::atomic<bool> isAnyFar{false};
+        forEachParallel(places.rows, kPlaces, progress, [&](std::size_t i) {
+            if ((placeAt(places, i) - middle).cwiseAbs().maxCoeff() > reach) isAnyFar = true;
+        });
+        if (!isAnyFar) return {};
+        std::vector<Vec3d> near(places.rows);
+        forEachParallel(near.size(), kPlaces, progress,
+                        [&](std::size_t i) { near[i] = drawn(placeAt(places, i)); });
         return near;
     }
 
@@ -265,7 +210,7 @@ private:
         Vec3d place(std::size_t index) const { return placeAt(places, begin + index); }
     };
 
-    /// A place in the band's blocks, or kFar.
+    /// A place in the band's blocks, or BandBlocks::kFar.
     struct Item {
         std::uint64_t block; ///< key
         std::uint32_t index; ///< in the batch
@@ -292,7 +237,7 @@ private:
         constexpr std::size_t kStretch = 512, kOf = 16 * kStretch;
         std::size_t runs = 0, seen = 0;
         for (std::size_t begin = 0; begin < batch.size(); begin += kOf) {
-            std::uint64_t last = kFar;
+            std::uint64_t last = BandBlocks::kFar;
             for (std::size_t i = begin; i < std::min(begin + kStretch, batch.size()); ++i, ++seen) {
                 const std::uint64_t block = itemOf(batch, i).block;
                 runs += block != last;
@@ -304,7 +249,7 @@ private:
 
     /// A place that interpolation does not answer.
     struct FarPlace {
-        std::uint64_t cube; ///< key of the cube of cells that holds it, or kFar
+        std::uint64_t cube; ///< key of the cube of cells that holds it, or BandBlocks::kFar
         std::size_t index;  ///< row
     };
 
@@ -336,13 +281,13 @@ private:
         std::vector<std::vector<FarPlace>> left((batch.size() + kPlaces - 1) / kPlaces); // by task
         forEachParallel(left.size(), 1, progress, [&](std::size_t task) {
             BlockDistance distance(mLevelSet);
-            std::uint64_t loaded = kFar;
+            std::uint64_t loaded = BandBlocks::kFar;
             const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
             for (std::size_t n = task * kPlaces; n < end; ++n) {
                 const auto [block, index, at] = itemAt(n);
                 const std::size_t row = batch.begin + index;
-                if (block == kFar) {
-                    left[task].push_back({kFar, row});
+                if (block == BandBlocks::kFar) {
+                    left[task].push_back({BandBlocks::kFar, row});
                     continue;
                 }
                 if (block != loaded) distance.load(mBlocks.origin(block));
@@ -396,7 +341,7 @@ private:
         for (std::size_t n = 0; n < count;) {
             std::size_t end = n + 1; // of the cube
             while (end < count && far[end].cube == far[n].cube) ++end;
-            const bool share = sharp && far[n].cube != kFar && end - n >= kShared;
+            const bool share = sharp && far[n].cube != BandBlocks::kFar && end - n >= kShared;
             if (share)
                 gathered->gather(middleOfCube(far[n].cube) - sharp->triangles().mesh().frame);
             for (; n < end; ++n) {
@@ -429,7 +374,8 @@ private:
     LevelSet mLevelSet;
     FieldPtr mField;
     Lattice mLattice;
-    Blocks mBlocks;
+    BandBlocks mBlocks;
+    Box3d mBox;    ///< of the band, world units
     bool mIsEmpty; ///< without a surface
     mutable std::mutex mMutex;
     mutable std::optional<SharpSurface> mSurface;
@@ -468,9 +414,10 @@ void Queries::closestPoints(const NumberView& places, Vec3d* closest,
                             Interrupter* interrupter) const
 {
     requireNumbers(places);
-    const std::vector<Vec3d> near = mAnswers->drawnNear(places);
+    Interrupter& progress = orSilent(interrupter);
+    const std::vector<Vec3d> near = mAnswers->drawnNear(places, progress);
     const NumberView asked = near.empty() ? places : NumberView(near);
-    mAnswers->forEach<true>(asked, orSilent(interrupter),
+    mAnswers->forEach<true>(asked, progress,
                             [&](std::size_t i, double distance, const Vec3d& gradient) {
                                 closest[i] = placeAt(asked, i) - distance * gradient;
                             });
