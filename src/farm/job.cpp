@@ -159,7 +159,7 @@ struct Job::Impl {
     /// The record of a whole result of this plan.
     std::optional<TaskRecord> doneBy(const fs::path& result) const
     {
-        const std::optional<TaskRecord> record = TaskRecord::read(recordOf(result));
+        std::optional<TaskRecord> record = TaskRecord::read(recordOf(result));
         std::error_code error;
         if (!record || record->plan != plan.id || fs::file_size(result, error) != record->bytes)
             return std::nullopt;
