@@ -555,6 +555,28 @@ TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
         EXPECT_NEAR(mesh.world(n).norm(), radius, h) << mesh.world(n).transpose();
 }
 
+TEST_F(SmallVerbs, OpenCutsOfThinWallsAreLeftOut)
+{
+    for (const double wall : {2.0, 2.7, 4.0}) { // voxels
+        SCOPED_TRACE(wall);
+        write("tube.vdb",
+              sampledSolid(
+                  fmt::format("difference(cylinder(0.8,2),cylinder({},3))", 0.8 - wall * h), h));
+        mpuvdb({"clip", "tube.vdb", "-o", "part.vdb", "--open", "--box", "open", "open", "0.013",
+                "open", "open", "open"});
+        mpuvdb({"mesh", "part.vdb", "-o", "open.ply", "--holes", "open"});
+        const Mesh mesh = readMesh(folder / "open.ply");
+        double cut = 0; // area that faces down where the cut was
+        for (const Mesh::Triangle& t : mesh.triangles) {
+            const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+            const Vec3d area = (b - a).cross(c - a) / 2;
+            if (area.z() < -0.9 * area.norm()) cut -= area.z();
+        }
+        // To a tenth of a voxel along both rims.
+        EXPECT_LE(cut, 2 * 0.1 * h * 2 * M_PI * 0.8);
+    }
+}
+
 TEST_F(SmallVerbs, SurveysBecomeBlocks)
 {
     std::string survey;

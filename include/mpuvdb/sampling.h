@@ -51,8 +51,8 @@ constexpr const char* kCoverageName = "coverage";
 openvdb::FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage,
                                        Interrupter* interrupter = nullptr);
 
-/// The data's spacing, world units, from the metadata that sampleCoverage() wrote; at least the
-/// size of the voxels, and that without metadata.
+/// The data's spacing, world units, from the metadata that sampleCoverage() wrote: 0 where values
+/// are exact, else at least the size of the voxels, and that without metadata.
 double coverageScale(const openvdb::FloatGrid& coverage);
 
 /// How voxelize() repairs a broken mesh.

@@ -225,7 +225,10 @@ public:
             values.push_back(own.front() * float(std::clamp(0.5 + nearer, 0.0, 1.0)));
         }
     }
-    double spacing() const override { return mSolid.levelSet.voxelSize(); }
+    double spacing() const override
+    {
+        return mSolid.scalars.front() ? coverageScale(*mSolid.scalars.front()) : 0;
+    }
 
 private:
     Source mSolid, mTool;

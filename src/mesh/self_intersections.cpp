@@ -113,7 +113,7 @@ int bringFirst(Corners& corners, std::array<int, 3> sides)
 }
 
 /// Whether the insides of two triangles meet that do not lie in a plane: each has a part of the
-/// line that both planes share, and the parts overlap. [Guigue and Devillers 2003]
+/// line that both planes share, and the parts overlap. [Guigue03]
 bool cross(Corners a, Corners b)
 {
     const std::array<int, 3> ofB = sidesOf(a, b);

@@ -59,7 +59,8 @@ Mesh trimMesh(Mesh mesh, const FloatGrid& coverage, const TrimSettings& settings
     std::vector<float> values = valuesAt(mesh, coverage, progress);
     progress.advance();
     if (!std::all_of(values.begin(), values.end(), isCovered)) {
-        smoothOverEdges(mesh, values, progress);
+        // The border of points is as rough as they are; that of a cut is exact.
+        if (coverageScale(coverage) > 0) smoothOverEdges(mesh, values, progress);
         progress.advance();
         decideParts(mesh, settings, values, report, progress);
         progress.advance();

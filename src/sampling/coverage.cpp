@@ -56,11 +56,12 @@ double coverageScale(const FloatGrid& coverage)
 {
     const double voxel = coverage.voxelSize()[0];
     const auto noted = coverage.getMetadata<openvdb::StringMetadata>(kSpacingKey);
-    double spacing = 0;
+    double spacing = -1; // not known
     if (noted) {
         const std::string& text = noted->value();
         std::from_chars(text.data(), text.data() + text.size(), spacing);
     }
+    if (spacing == 0) return 0;
     return std::isfinite(spacing) ? std::max(spacing, voxel) : voxel;
 }
 
