@@ -68,7 +68,7 @@ public:
     /// Fastest where each place is near the one before it; no value depends on the others.
     virtual void evaluate(const std::vector<SurfacePlace>& places,
                           std::vector<float>& values) const = 0;
-    /// Median distance between data points, world units: the scale on which values change; 0: exact.
+    /// Median distance between points, world units: the scale on which values change; 0: exact.
     virtual double spacing() const = 0;
 };
 
