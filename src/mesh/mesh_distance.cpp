@@ -9,6 +9,7 @@
 #include <tbb/parallel_reduce.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -33,21 +34,21 @@ double uniform(std::uint64_t n)
     return double((n ^ n >> 31) >> 11) * 0x1p-53;
 }
 
-/// The place on a triangle that a curve through all of it (Sierpinski's) reaches when it has passed
-/// a share @a done of the area, in [0, 1): places that follow each other are near each other.
-Vec3d onCurve(const TriangleTree::Corners& corners, double done)
+/// The part of a triangle, of @a share of its area at most, where a curve through all of it
+/// (Sierpinski's) is when it has passed the share @a done, in [0, 1): parts that follow each other
+/// are near each other.
+std::array<Vec3d, 3> partOnCurve(const TriangleTree::Corners& corners, double done, double share)
 {
-    constexpr int kHalvings = 40; ///< of the area [derived: lengths to 2^-20 of the triangle's]
     Vec3d from = corners[0].cast<double>(), apex = corners[1].cast<double>(),
           to = corners[2].cast<double>();
-    for (int n = 0; n < kHalvings; ++n) {
+    for (double left = 1; left > share; left /= 2) {
         const Vec3d middle = (from + to) / 2;
         done *= 2;
         (done < 1 ? to : from) = apex;
         if (done >= 1) done -= 1;
         apex = middle;
     }
-    return (from + apex + to) / 3;
+    return {from, apex, to};
 }
 
 /// Random places on a mesh, one in each of size() equal parts of its area, in the tree's order.
@@ -73,11 +74,16 @@ public:
     Vec3d operator()(std::size_t n) const
     {
         constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15; // of SplitMix64 [paper: Steele14]
-        const double area = (double(n) + uniform(kStep * (n + 1))) / double(mSize) * mAreas.back();
+        const std::uint64_t seed = kStep * (3 * n + 1);
+        const double share = mAreas.back() / double(mSize),
+                     area = share * (double(n) + uniform(seed));
         const auto found = std::upper_bound(mAreas.begin(), mAreas.end(), area);
         const auto slot = std::min(std::size_t(found - mAreas.begin()), mAreas.size() - 1);
         const double before = slot > 0 ? mAreas[slot - 1] : 0, own = mAreas[slot] - before;
-        return mMesh.frame + onCurve(mTree.corners(slot), own > 0 ? (area - before) / own : 0);
+        const double done = own > 0 ? (area - before) / own : 0;
+        const auto [a, b, c] = partOnCurve(mTree.corners(slot), done, own > 0 ? share / own : 1);
+        const double r = std::sqrt(uniform(seed + kStep)), s = uniform(seed + 2 * kStep);
+        return mMesh.frame + (1 - r) * a + r * (1 - s) * b + r * s * c;
     }
 
 private:
