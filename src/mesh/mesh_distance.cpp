@@ -41,7 +41,9 @@ std::array<Vec3d, 3> partOnCurve(const TriangleTree::Corners& corners, double do
 {
     Vec3d from = corners[0].cast<double>(), apex = corners[1].cast<double>(),
           to = corners[2].cast<double>();
-    for (double left = 1; left > share; left /= 2) {
+    double left = 1;
+    while (left > share) {
+        left /= 2;
         const Vec3d middle = (from + to) / 2;
         done *= 2;
         (done < 1 ? to : from) = apex;

@@ -217,7 +217,7 @@ private:
         int rank = 0;
         for (; rank < 3 && size[2 - rank] > kMinSpread * std::max(size[2], 0.1f); ++rank) {
             const Vec3f direction = solver.eigenvectors().col(2 - rank);
-            places[std::size_t(rank + 1)] =
+            places[std::size_t(rank) + 1] =
                 places[std::size_t(rank)] + direction * (direction.dot(pull) / size[2 - rank]);
         }
         while (rank > 0 && !isAllowed(cell, places[std::size_t(rank)], values)) --rank;
