@@ -2,15 +2,12 @@
 #include "png_image.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
-
-#include <fmt/format.h>
-#include <openvdb/tools/RayIntersector.h>
-#include <tbb/blocked_range2d.h>
-#include <tbb/parallel_for.h>
+#include <mpuvdb/queries.h>
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <fmt/format.h>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -18,17 +15,10 @@ namespace
 {
 
 using openvdb::FloatGrid;
-using Intersector = openvdb::tools::LevelSetRayIntersector<FloatGrid>;
-using Ray = Intersector::RayType;
 namespace fs = std::filesystem;
 
 constexpr double kPi = 3.14159265358979323846; ///< [derived: pi]
 constexpr int kSamples = 2;                    ///< rays per pixel and axis [tuned: picture_test]
-
-openvdb::Vec3d toOpenVdb(const Vec3d& v)
-{
-    return {v.x(), v.y(), v.z()};
-}
 
 /// The boxes of the voxels beside the zero set, one for each leaf, world units.
 std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize,
@@ -151,73 +141,120 @@ std::uint8_t encode(double linear)
     return std::uint8_t(std::lround(255 * srgb));
 }
 
-/// Traces rays to the zero set.
-class Tracer
+/// Paints the surface's mesh, which keeps edges sharp and thin walls whole.
+class Painter
 {
 public:
-    Tracer(const FloatGrid& grid, const Camera& camera)
-        : mCamera(camera), mClay(camera), mVoxelSize(grid.voxelSize()[0])
+    /// @param levelSet  near the origin.
+    Painter(const LevelSet& levelSet, const Camera& camera, Interrupter& progress)
+        : mCamera(camera), mClay(camera), mVoxelSize(levelSet.voxelSize()), mSurface(levelSet),
+          mProgress(progress)
     {
-        if (!grid.empty()) mIntersector.emplace(grid);
+        // So that the surface is extracted now, in a stage of its own.
+        trace({camera.eye()}, {camera.direction(0, 0)});
     }
 
-    Vec3d color(double x, double y)
+    /// Paint some rows of pixels.
+    void paint(Image& image, int firstRow, int endRow) const
     {
-        const Vec3d view = mCamera.direction(x, y);
-        if (!mIntersector) return background(y);
-        openvdb::Vec3d at, normal;
-        if (!mIntersector->intersectsWS(Ray(toOpenVdb(mCamera.eye()), toOpenVdb(view)), at, normal))
-            return background(y);
-        Vec3d n(normal[0], normal[1], normal[2]);
-        if (!(n.squaredNorm() > 0)) n = -view;
-        if (n.dot(view) > 0) n = -n; // open or broken grids show their inner side
-        // The shadow's ray starts off the surface, so as not to find it again.
-        const openvdb::Vec3d start = at + toOpenVdb(1.5 * mVoxelSize * n);
-        const bool lit = !mIntersector->intersectsWS(Ray(start, toOpenVdb(mClay.key())));
-        return mClay.shade(n, view, lit);
+        std::vector<Ray> rays = raysOf(image, firstRow, endRow);
+        std::vector<Vec3d> origins(rays.size(), mCamera.eye()), directions;
+        for (const Ray& ray : rays) directions.push_back(ray.view);
+        const Hits seen = trace(origins, directions);
+        std::vector<std::size_t> lit; // may be
+        origins.clear();
+        for (std::size_t n = 0; n < rays.size(); ++n) {
+            if (!std::isfinite(seen.at[n])) continue;
+            Ray& ray = rays[n];
+            ray.normal = seen.normals[n];
+            if (!(ray.normal.squaredNorm() > 0)) ray.normal = -ray.view;
+            // Open or broken grids show their inner side.
+            if (ray.normal.dot(ray.view) > 0) ray.normal = -ray.normal;
+            // The shadow's ray starts off the surface, so as not to find it again.
+            origins.emplace_back(mCamera.eye() + seen.at[n] * ray.view +
+                                 1.5 * mVoxelSize * ray.normal);
+            lit.push_back(n);
+        }
+        const Hits shadows = trace(origins, std::vector<Vec3d>(origins.size(), mClay.key()));
+        for (std::size_t k = 0; k < lit.size(); ++k)
+            rays[lit[k]].color =
+                mClay.shade(rays[lit[k]].normal, rays[lit[k]].view, !std::isfinite(shadows.at[k]));
+        fill(image, firstRow, endRow, rays);
     }
 
 private:
+    struct Ray {
+        Vec3d view, normal, color;
+    };
+    struct Hits {
+        std::vector<double> at; ///< along the rays; infinite: none
+        std::vector<Vec3d> normals;
+    };
+
+    Hits trace(const std::vector<Vec3d>& origins, const std::vector<Vec3d>& directions) const
+    {
+        Hits hits{std::vector<double>(origins.size()), std::vector<Vec3d>(origins.size())};
+        mSurface.raycast(origins, directions, hits.at.data(), hits.normals.data(), &mProgress);
+        return hits;
+    }
+
+    /// The rays of the rows' pixels, with the background's color.
+    std::vector<Ray> raysOf(const Image& image, int firstRow, int endRow) const
+    {
+        std::vector<Ray> rays;
+        for (int row = kSamples * firstRow; row < kSamples * endRow; ++row)
+            for (int column = 0; column < kSamples * image.width; ++column) {
+                const double x = 2 * (column + 0.5) / (kSamples * image.width) - 1,
+                             y = 1 - 2 * (row + 0.5) / (kSamples * image.height);
+                rays.push_back({mCamera.direction(x, y), Vec3d::Zero(), background(y)});
+            }
+        return rays;
+    }
+
+    static void fill(Image& image, int firstRow, int endRow, const std::vector<Ray>& rays)
+    {
+        const int perRow = kSamples * image.width;
+        for (int row = firstRow; row < endRow; ++row)
+            for (int column = 0; column < image.width; ++column) {
+                Vec3d sum = Vec3d::Zero();
+                for (int sy = 0; sy < kSamples; ++sy)
+                    for (int sx = 0; sx < kSamples; ++sx)
+                        sum += rays[std::size_t(kSamples * (row - firstRow) + sy) * perRow +
+                                    std::size_t(kSamples * column + sx)]
+                                   .color;
+                std::uint8_t* const pixel =
+                    &image.rgb[3 * (std::size_t(row) * image.width + column)];
+                for (int channel = 0; channel < 3; ++channel)
+                    pixel[channel] = encode(sum[channel] / (kSamples * kSamples));
+            }
+    }
+
     const Camera& mCamera;
     Clay mClay;
     double mVoxelSize;
-    std::optional<Intersector> mIntersector;
+    Queries mSurface;
+    Interrupter& mProgress;
 };
-
-void renderPixel(Tracer& tracer, Image& image, int column, int row)
-{
-    Vec3d sum = Vec3d::Zero();
-    for (int sy = 0; sy < kSamples; ++sy)
-        for (int sx = 0; sx < kSamples; ++sx)
-            sum += tracer.color(2 * (column + (sx + 0.5) / kSamples) / image.width - 1,
-                                1 - 2 * (row + (sy + 0.5) / kSamples) / image.height);
-    std::uint8_t* pixel = &image.rgb[3 * (std::size_t(row) * image.width + column)];
-    for (int channel = 0; channel < 3; ++channel)
-        pixel[channel] = encode(sum[channel] / (kSamples * kSamples));
-}
 
 Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrupter& progress)
 {
-    // Without the translation coordinates are small, however far from the origin the grid is. The
-    // voxels keep their size: the intersector takes values and voxels in the same units.
+    constexpr int kRows = 8; ///< rows of pixels at a time [free: memory and response time]
+    // Without the translation coordinates are small, however far from the origin the grid is.
     const double h = levelSet.voxelSize();
     const auto voxels =
         openvdb::gridConstPtrCast<FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
             levelSet.grid(), openvdb::math::Transform::createLinearTransform(h)));
     const Camera camera(surfaceBoxes(*voxels, h, progress), settings);
-    const Tracer tracer(*voxels, camera);
+    const Painter painter(LevelSet(voxels), camera, progress);
     Image image{settings.width, settings.height, {}};
     image.rgb.resize(std::size_t(3) * settings.width * settings.height);
-    const tbb::blocked_range2d<int> pixels(0, settings.height, 8, 0, settings.width, 64);
-    tbb::parallel_for(pixels, [&](const tbb::blocked_range2d<int>& tile) {
-        Tracer own(tracer); // one for each thread, as it caches nodes
-        for (int row = tile.rows().begin(); row != tile.rows().end(); ++row) {
-            progress.check();
-            for (int column = tile.cols().begin(); column != tile.cols().end(); ++column)
-                renderPixel(own, image, column, row);
-        }
-        progress.advance(double(tile.rows().size()) * double(tile.cols().size()));
-    });
+    progress.beginStage("render", settings.height);
+    for (int row = 0; row < settings.height; row += kRows) {
+        const int end = std::min(row + kRows, settings.height);
+        painter.paint(image, row, end);
+        progress.advance(end - row);
+    }
+    progress.endStage();
     return image;
 }
 
@@ -238,9 +275,7 @@ void writePicture(const fs::path& file, const LevelSet& levelSet, const PictureS
     requireRange("height", settings.height, 16, 8192);
     requireRange("azimuth", settings.azimuth, -360, 360);
     requireRange("elevation", settings.elevation, -90, 90);
-    progress.beginStage("render", double(settings.width) * settings.height);
     const Image image = render(levelSet, settings, progress);
-    progress.endStage();
     writePng(file, image, progress);
 }
 
