@@ -41,6 +41,7 @@ constexpr int kCubeBits = 6;
 /// Runs of places in one block from which on places are taken as they come, in places: sorting one
 /// costs a hundredth of loading a block. [free: time]
 constexpr std::size_t kLongRun = 64;
+
 /// Three numbers of row @a i.
 Vec3d placeAt(const NumberView& places, std::size_t i)
 {

@@ -161,7 +161,7 @@ public:
         std::vector<Vec3d> origins(rays.size(), mCamera.eye()), directions;
         for (const Ray& ray : rays) directions.push_back(ray.view);
         const Hits seen = trace(origins, directions);
-        std::vector<std::size_t> lit; // may be
+        std::vector<std::size_t> met; // rays that meet the surface
         origins.clear();
         for (std::size_t n = 0; n < rays.size(); ++n) {
             if (!std::isfinite(seen.at[n])) continue;
@@ -173,12 +173,12 @@ public:
             // The shadow's ray starts off the surface, so as not to find it again.
             origins.emplace_back(mCamera.eye() + seen.at[n] * ray.view +
                                  1.5 * mVoxelSize * ray.normal);
-            lit.push_back(n);
+            met.push_back(n);
         }
         const Hits shadows = trace(origins, std::vector<Vec3d>(origins.size(), mClay.key()));
-        for (std::size_t k = 0; k < lit.size(); ++k)
-            rays[lit[k]].color =
-                mClay.shade(rays[lit[k]].normal, rays[lit[k]].view, !std::isfinite(shadows.at[k]));
+        for (std::size_t k = 0; k < met.size(); ++k)
+            rays[met[k]].color =
+                mClay.shade(rays[met[k]].normal, rays[met[k]].view, !std::isfinite(shadows.at[k]));
         fill(image, firstRow, endRow, rays);
     }
 

@@ -49,12 +49,9 @@ float CreaseValues::slopeAt(const Coord& voxel) const
 
 const CellSheets& CreaseValues::sheetsOf(const Coord& cell) const
 {
-    std::uint8_t inside = 0;
-    for (int c = 0; c < 8; ++c)
-        if (mAccess.getValue(cell.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
-            inside = std::uint8_t(inside | 1 << c);
-    if (ambiguousFaces(inside) == 0) return cellSheets(inside, 0);
-    return cellSheets(inside, JoinedFaces(mAccess, 1 / mZone.mScale).of(cell, inside));
+    const JoinedFaces faces(mAccess, 1 / mZone.mScale);
+    const std::uint8_t inside = faces.cornersAt(cell);
+    return cellSheets(inside, faces.of(cell, inside));
 }
 
 Vec3f CreaseValues::gradientAt(const Coord& voxel) const

@@ -21,6 +21,8 @@ public:
 
     /// The faces, by bits as in cellSheets(), of the cell at @a at whose corners are @a inside.
     std::uint8_t of(const openvdb::Coord& at, std::uint8_t inside) const;
+    /// The corners of the cell at @a at that are inside, by bits as in cellSheets().
+    std::uint8_t cornersAt(const openvdb::Coord& at) const;
     /// Whether the lower face across @a axis of the cell at @a at, an ambiguous one, is joined.
     bool isJoined(const openvdb::Coord& at, int axis) const
     {
@@ -32,7 +34,6 @@ private:
     bool changes(const openvdb::Coord& at, int axis) const;
     std::uint8_t byValues(const openvdb::Coord& at, std::uint8_t inside) const;
     float towards(const openvdb::Coord& corner, const openvdb::Coord& step) const;
-    std::uint8_t cornersAt(const openvdb::Coord& at) const;
 
     const Access& mAccess;
     float mPerVoxel;
