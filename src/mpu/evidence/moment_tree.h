@@ -72,7 +72,7 @@ private:
         std::uint32_t node = 0, group = 1;
         bool isGroup = true;
     };
-    /// Least buckets of a group. [derived: 64 points give their spacing to an eighth]
+    /// Least buckets of a group. [derived: eight points of each, 64, give the spacing to an eighth]
     static constexpr std::uint32_t kMinGroupBuckets = 8;
 
     std::array<Place, 2> childrenOf(const Place& place) const

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <memory>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -233,7 +234,7 @@ struct UpperCell {
     std::uint32_t node = 0;
     double spacing = 0; ///< estimated from the cell's sample; before that, its parent's
     bool subtree = false;
-    Decision decision;
+    std::unique_ptr<Decision> leaf; ///< null where the cell is split: few are leaves
 };
 
 class UpperBuilder
@@ -288,15 +289,13 @@ private:
         const double spacing = filter.spacing(sample, mRoot.center(cell), radius); // of the sample
         upper.spacing = spacing / std::sqrt(double(stride));
         if (mSettings.interpolate) {
-            upper.decision.split = cell.level < SortedPoints::kMaxLevel;
-            upper.subtree = !upper.decision.split;
+            upper.subtree = cell.level == SortedPoints::kMaxLevel;
             return;
         }
-        upper.decision = fitter.decide(cell, sample, {}, spacing);
-        if (!upper.decision.split) {
-            mPoints.gather(around, 1, filter, sample);
-            upper.decision = fitter.decide(cell, sample, {}, spacing);
-        }
+        if (fitter.decide(cell, sample, {}, spacing).split) return;
+        mPoints.gather(around, 1, filter, sample);
+        Decision decision = fitter.decide(cell, sample, {}, spacing);
+        if (!decision.split) upper.leaf = std::make_unique<Decision>(std::move(decision));
     }
 
     std::vector<UpperCell> nextLevel(OctreeDraft& tree, std::vector<UpperCell>& level,
@@ -307,8 +306,8 @@ private:
             if (upper.subtree) {
                 subtrees.push_back({upper.cell, upper.node, upper.spacing});
                 tree.nodes[upper.node] = {0, 0.0f}; // a leaf that says nothing, until then
-            } else if (!upper.decision.split) {
-                storeLeaf(tree, upper.node, upper.cell, upper.decision);
+            } else if (upper.leaf) {
+                storeLeaf(tree, upper.node, upper.cell, *upper.leaf);
             } else {
                 const auto first = std::uint32_t(tree.nodes.size());
                 tree.nodes.resize(first + 8);
