@@ -1,8 +1,7 @@
 #include "restore_distance.h"
 
-#include "core/clones.h"
-#include "core/lanes.h"
 #include "grid/leaf_halo.h"
+#include "row_flags.h"
 #include "surface/leaf_crossings.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/vec.h>
@@ -10,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
@@ -26,103 +24,19 @@ namespace
 using Leaf = openvdb::FloatTree::LeafNodeType;
 using Halo = LeafHalo; ///< in voxels
 using openvdb::Coord;
-/// Distances between neighbors by face, edge, corner, voxels. [derived: square roots of 1, 2, 3]
-constexpr float kDiagonal = 1.7320508f;
-constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
-/// Smallest upwind gradient of a distance d, and per voxel of d; lower values are examined.
-/// [derived: at a corner 0.55, and below sqrt(3) voxels 0.318 d; rounded down]
-constexpr float kMinSlope = 0.5f, kMinSlopePerVoxel = 0.3f;
-constexpr float kMaxSlope = 1.3f; ///< largest slope not examined [tuned: sample_field_test]
-constexpr float kMaxStep = 1.3f;  ///< largest step not examined, voxels [tuned: sample_field_test]
+
 /// Largest excess of the distance to the nearest crossing over the distance, voxels, between
 /// crossings. [tuned: sample_field_test]
-constexpr float kMaxExcess = 0.5f;
+constexpr float kCrossingExcess = 0.5f;
 /// Differences from that distance, upwards and downwards, voxels, with which an examined value
 /// stays. [tuned: sample_field_test]
 constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// Values, voxels, at which the tip of an edge or corner may pass between voxels without a
 /// crossing: they are raised no higher than their neighbors allow. [tuned: sharp_mesh_test]
 constexpr float kTip = 0.5f;
-/// Slopes on both sides from which values are scaled down, and fully. [tuned: noise_bench]
-constexpr float kScaleFrom = 1.05f, kScaleFully = 1.15f;
-
-/// Properties of eight voxels in a row: one bit each.
-struct RowFlags {
-    unsigned suspect = 0;       ///< active, and the value may be wrong
-    unsigned flat = 0;          ///< the same, except at the tip of an edge
-    unsigned cornerMissing = 0; ///< active, and the band lacks a corner neighbor
-    unsigned missing = 0;       ///< inactive, and a neighbor's value puts it inside the band
-    unsigned steep = 0;         ///< active, and values rise too fast on both sides
-    std::array<float, 8> slope; ///< of steep voxels
-};
-
-using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
-using Flags = int __attribute__((vector_size(4 * kBlockDim)));
-
-/// Depth inside the band, voxels, by a neighbor's value, from which on an inactive voxel is
-/// examined. [tuned: sample_field_test]
-constexpr float kMissingDepth = 0.3f;
-/// The same from which on it is added however far the nearest crossing is. [tuned:
-/// sample_field_test]
+/// Depth inside the band, voxels, by a neighbor's value, from which on a voxel is added however far
+/// the nearest crossing is. [tuned: sample_field_test]
 constexpr float kCertainDepth = 0.5f;
-
-/// The row's voxels that a neighbor's value puts well inside the band.
-MPUVDB_CLONES
-unsigned missingInRow(const float* row, float halfWidth)
-{
-    Lanes nearest = Lanes{} + halfWidth;
-#pragma GCC unroll 27
-    for (int n = 0; n < 27; ++n) {
-        const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
-        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * Halo::kDim + y) * Halo::kDim + z)) +
-                        kLength[std::abs(x) + std::abs(y) + std::abs(z)];
-        nearest = u < nearest ? u : nearest;
-    }
-    return unsigned(bitsOf(nearest < halfWidth - kMissingDepth));
-}
-
-/// The flags of the row's voxels, as if all were active.
-MPUVDB_CLONES
-RowFlags examineRow(const float* row, float halfWidth)
-{
-    constexpr const auto& kStride = Halo::kStride;
-    const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
-    Lanes slope2{}, largestStep{}, gentle2{};
-    Flags crosses{};
-    for (const int stride : kStride) {
-        const Lanes u0 = lanesAt<Lanes>(row - stride), u1 = lanesAt<Lanes>(row + stride);
-        crosses |= ((u0 < 0) ^ (v < 0)) | ((u1 < 0) ^ (v < 0));
-        const Lanes s0 = magnitude(u0 - v), s1 = magnitude(u1 - v);
-        const Lanes gentler = s0 < s1 ? s0 : s1; // the steeper may be across an edge
-        gentle2 += gentler * gentler;
-        largestStep = s0 > largestStep ? s0 : largestStep;
-        largestStep = s1 > largestStep ? s1 : largestStep;
-        const Lanes a0 = magnitude(u0), a1 = magnitude(u1);
-        const Lanes rise = a - (a0 < a1 ? a0 : a1);
-        slope2 += rise > 0 ? rise * rise : Lanes{};
-    }
-    const Lanes perVoxel = kMinSlopePerVoxel * a;
-    const Lanes least = perVoxel < kMinSlope ? perVoxel : Lanes{} + kMinSlope;
-    const Flags isSteep = slope2 > kMaxSlope * kMaxSlope;
-    Lanes highestCorner{};
-    for (const int dx : {-kStride[0], kStride[0]}) {
-        for (const int dy : {-kStride[1], kStride[1]}) {
-            for (const int dz : {-1, 1}) {
-                const Lanes u = magnitude(lanesAt<Lanes>(row + dx + dy + dz));
-                highestCorner = u > highestCorner ? u : highestCorner;
-            }
-        }
-    }
-    const float deep = halfWidth - kMissingDepth - kDiagonal, outside = halfWidth * (1 - 1e-5f);
-    RowFlags flags;
-    flags.suspect = unsigned(bitsOf((largestStep > kMaxStep) | (~crosses & isSteep)));
-    flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
-    flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
-    flags.steep = unsigned(bitsOf(gentle2 > kScaleFrom * kScaleFrom));
-    for (int z = 0; flags.steep != 0 && z < kBlockDim; ++z)
-        flags.slope[std::size_t(z)] = std::sqrt(gentle2[z]);
-    return flags;
-}
 
 class Restorer
 {
@@ -219,7 +133,8 @@ private:
                     if (flags.cornerMissing >> z & 1u) addCorners(at, found);
                     if (flags.suspect >> z & 1u) suspects.push_back({at, 0});
                     if (flags.steep >> z & 1u)
-                        suspects.push_back({at, 0, scaled(values[z], flags.slope[std::size_t(z)])});
+                        suspects.push_back(
+                            {at, 0, scaledDown(values[z], flags.slope[std::size_t(z)])});
                     if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
                 }
             }
@@ -313,7 +228,7 @@ private:
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
             const float u =
                 std::abs(halo[in + d[0] * Halo::kStride[0] + d[1] * Halo::kStride[1] + d[2]]);
-            if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
+            if (u + kNeighborDistance[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
                 mHalfWidth - kMissingDepth)
                 found.push_back({at + d, 0});
         }
@@ -451,24 +366,17 @@ private:
                 for (int z = low.z(); z <= high.z(); z += kBlockDim) origins.emplace(x, y, z);
     }
 
-    /// The magnitude of a value, voxels, scaled down where values rise by @a slope per voxel. Its
-    /// neighbors are scaled alike, so that the surface stays in place.
-    static float scaled(float value, float slope)
-    {
-        const float t = std::clamp((slope - kScaleFrom) / (kScaleFully - kScaleFrom), 0.0f, 1.0f);
-        return std::abs(value) / (1 + t * (slope - 1));
-    }
-
     /// The corrected value, voxels, given the distance to the nearest crossing.
     static float corrected(float value, const Examined& voxel)
     {
         const float distance = voxel.distance;
         if (std::isfinite(voxel.scaled)) {
-            const float least = std::max(distance / kDiagonal, distance - kMaxExcess);
+            const float least =
+                std::max(distance / kNeighborDistance[3], distance - kCrossingExcess);
             return std::clamp(voxel.scaled, least, distance);
         }
         if (value <= distance + kAbove && value >= distance - kBelow) return value;
-        return value < kTip ? std::max(value, distance - kMaxExcess) : distance;
+        return value < kTip ? std::max(value, distance - kCrossingExcess) : distance;
     }
 
     openvdb::FloatTree& mTree;
