@@ -65,6 +65,20 @@ TEST(EstimateNormals, SheetsThinnerThanTheirNeighborhoods)
     EXPECT_GT(shareRight("slab(1,1,0.01)", 30000, Pattern::Random), 0.997) << "seed " << kSeed;
 }
 
+// Beside an acute edge neighbors on its two faces have normals that look apart, and many are
+// farther from each other along the edge than across it. Rims of 63, 45 and 27 degrees.
+TEST(EstimateNormals, AcuteEdges)
+{
+    for (const char* solid : {"cone(1,2)", "cone(1,1)", "cone(1,0.5)"})
+        for (const Pattern pattern : {Pattern::Random, Pattern::Even})
+            for (const std::uint64_t points : {3000, 20000}) {
+                // Of the points those within two spacings of the rim may have planes of both faces.
+                const double spacing = std::sqrt(2 * M_PI / double(points));
+                EXPECT_GT(shareRight(solid, points, pattern), 1 - 4 * spacing)
+                    << solid << ' ' << points << " seed " << kSeed;
+            }
+}
+
 TEST(EstimateNormals, CavitiesLookInward)
 {
     for (const char* solid :

@@ -29,6 +29,9 @@ namespace
 constexpr std::size_t kNormalGrain = 1024; // points; [free: the same normals]
 /// The neighbors per plane where there is no noise. [tuned: estimate_normals_test]
 constexpr double kFewestChosen = 12;
+/// The height over a plane that neither noise nor curvature makes, standard deviations. [tuned:
+/// estimate_normals_test]
+constexpr double kThick = 3;
 
 /// Planes and links of distinct positions.
 struct PlaneGraph {
@@ -62,21 +65,34 @@ Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlan
     return best->normal.cast<float>();
 }
 
+/// Standard deviations of the positions about two planes, added.
+double thicknessOf(const LocalPlane& a, const LocalPlane& b, double noise)
+{
+    return std::max(noise, std::sqrt(a.variances[0])) + std::max(noise, std::sqrt(b.variances[0]));
+}
+
+/// Whether the planes of two positions meet between them at less than a right angle: each position
+/// lies clearly off the other's plane, on the side where it would not if the angle were obtuse.
+bool meetInAnAcuteEdge(const LocalPlane& a, const LocalPlane& b, const Vec3f& onA, const Vec3f& onB,
+                       double noise)
+{
+    const double overA = a.height(onB), overB = b.height(onA);
+    return std::min(std::abs(overA), std::abs(overB)) > kThick * thicknessOf(a, b, noise) &&
+           overA * overB * a.normal.dot(b.normal) < 0;
+}
+
 /// Whether two planes that are about parallel are too far apart for one sheet. Nothing lies between
 /// neighbors: they then are the two sides of a wall or a gap.
 bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
 {
-    // The cosine of the normals, the height in distances, and the height in standard deviations.
-    // [tuned: estimate_normals_test]
-    constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
+    // The cosine of the normals, and the height in distances. [tuned: estimate_normals_test]
+    constexpr double kParallel = 0.8, kSlope = 0.4;
     const double cosine = a.normal.dot(b.normal);
     if (std::abs(cosine) < kParallel) return false;
     // On one curved sheet the two heights cancel.
     const Vec3d mean = (a.normal + std::copysign(1.0, cosine) * b.normal) / 2;
     const double height = std::abs(mean.dot(apart.cast<double>()));
-    const double thickness =
-        std::max(noise, std::sqrt(a.variances[0])) + std::max(noise, std::sqrt(b.variances[0]));
-    return height > kSlope * double(apart.norm()) && height > kThick * thickness;
+    return height > kSlope * double(apart.norm()) && height > kThick * thicknessOf(a, b, noise);
 }
 
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
@@ -119,7 +135,8 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
             const Vec3f apart = positions[q] - positions[i];
             const Vec3f &normalI = graph.normals[i], &normalQ = graph.normals[q];
             OrientationLink& link = graph.links[k];
-            if (areTwoSheets(planes[i], planes[q], apart, noise)) {
+            if (areTwoSheets(planes[i], planes[q], apart, noise) ||
+                meetInAnAcuteEdge(planes[i], planes[q], positions[i], positions[q], noise)) {
                 link = linkAcrossSheets(std::uint32_t(i), q, normalI, normalQ);
                 continue;
             }

@@ -24,7 +24,8 @@ struct OrientationLink {
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise);
 
-/// The link of two positions on two sheets, such as a thin wall's sides: they look opposite ways.
+/// The link of two positions on two sheets that look opposite ways: a thin wall's sides, or the
+/// faces of an acute edge.
 OrientationLink linkAcrossSheets(std::uint32_t a, std::uint32_t b, const Vec3f& normalA,
                                  const Vec3f& normalB);
 
