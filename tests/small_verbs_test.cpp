@@ -108,6 +108,27 @@ TEST_F(SmallVerbs, MergeLeavesAJobsInputsAlone)
     mpuvdb({"tile", "job", "-1"}, 2);
 }
 
+// With fewer triangles, and coarser ones beside it.
+TEST_F(SmallVerbs, MergeShapesTheMeshAsReconstructDoes)
+{
+    mpuvdb({"sample", "difference(box(2,1.5,1),cylinder(0.4,3))", "-o", "part.ply", "--points",
+            "20000", "--noise", "0.01"});
+    mpuvdb({"plan", "part.ply", "--job", "job", "--voxels", "150"});
+    for (const char* const step : {"tile", "gather", "tile"}) mpuvdb({step, "job"});
+    mpuvdb({"merge", "job", "--mesh", "a.ply", "--mesh-tolerance", "0.05%", "--lods", "2",
+            "--strict", "--report", "r.json"});
+    mpuvdb({"reconstruct", "part.ply", "-o", "whole.vdb", "--voxels", "150", "--mesh", "b.ply",
+            "--mesh-tolerance", "0.05%", "--lods", "2", "--strict"});
+    for (const char* const kind : {".ply", ".lod1.ply", ".lod2.ply"})
+        EXPECT_TRUE(readFile(folder / (std::string("a") + kind)) ==
+                    readFile(folder / (std::string("b") + kind)))
+            << kind;
+    EXPECT_EQ(json::parse(readFile(folder / "r.json"))["lods"].size(), 2u);
+    mpuvdb({"merge", "job", "-o", "x.vdb", "--mesh", "a.ply", "--mesh-tolerance", "60%"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb")); // refused before anything is written
+    mpuvdb({"merge", "job", "-o", "x.vdb", "--lods", "2"}, 2);
+}
+
 // A box clipped by a box is a box: its distances are known, at edges and corners too.
 TEST_F(SmallVerbs, ClipIsClosedAndSharp)
 {

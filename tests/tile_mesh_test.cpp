@@ -97,6 +97,30 @@ TEST_F(TileMeshTest, OfNarrowBands)
     expectSame(randomScan("rotate(box(1.4, 1.2, 1), 1, 2, 3, 40)", 20000), options);
 }
 
+/// Until no triangles cross, in the rounds of the whole, too.
+TEST_F(TileMeshTest, Strict)
+{
+    const PointCloud cloud = randomScan(
+        "difference(difference(union(difference(box(1.19, 1.31, 1.06), translate(rotate("
+        "cylinder(0.58, 0.29), 1, -0.08, -0.42, 100.7), -0.39, -0.02, -0.4)), translate(rotate("
+        "box(0.23, 0.73, 0.72), 1, -0.22, -0.64, 112.8), -0.23, 0.18, -0.44)), translate(rotate("
+        "cylinder(0.21, 1.21), 1, -0.64, -0.95, 18.8), -0.46, -0.25, -0.14)), translate(rotate("
+        "box(0.94, 0.64, 0.94), 1, -0.51, -0.29, 171.2), -0.02, 0.24, -0.22))",
+        40000);
+    const ReconstructOptions options = voxelSize(0.05);
+    const Job job(done(cloud, options), kBuild);
+    EXPECT_GE(job.tasks(), 8u);
+    EXPECT_FALSE(findSelfIntersections(job.mesh()).empty());
+    const Mesh mesh = job.mesh(0, true);
+    const ReconstructResult made = sampleFit(fitPoints(prepared(cloud, options)));
+    const Mesh whole = extractMesh(made.levelSet(), {made.field.get(), true});
+    EXPECT_TRUE(sameBytes(mesh.positions, whole.positions));
+    EXPECT_TRUE(sameBytes(mesh.triangles, whole.triangles));
+    EXPECT_TRUE(findSelfIntersections(mesh).empty());
+    EXPECT_EQ(job.voxelSize(), made.levelSet().voxelSize());
+    EXPECT_EQ(job.diagonal(), job.voxelSize() * made.grid->evalActiveVoxelDim().asVec3d().length());
+}
+
 TEST_F(TileMeshTest, DoesNotDependOnTheThreads)
 {
     const PointCloud cloud = randomScan("difference(box(2, 1.5, 1), cylinder(0.4, 3))", 20000);
@@ -109,7 +133,7 @@ TEST_F(TileMeshTest, DoesNotDependOnTheThreads)
     EXPECT_THROW(job.mesh(1000), LimitError);
     Interrupter stopped;
     stopped.stop();
-    EXPECT_THROW(job.mesh(0, &stopped), Interrupted);
+    EXPECT_THROW(job.mesh(0, false, &stopped), Interrupted);
 }
 
 } // namespace

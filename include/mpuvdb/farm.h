@@ -113,8 +113,15 @@ public:
                             Interrupter* interrupter = nullptr) const;
     /// The mesh that extractMesh() makes of the level set and the field, to the byte, with the
     /// job's attributes. One tile's voxels are held beside it: 36 bytes for each of its vertices.
-    /// @param maxBytes  memory for it; 0: no limit. @throws LimitError, else as merge().
-    Mesh mesh(std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr) const;
+    /// @param maxBytes  memory for it; 0: no limit. @param strict  as ExtractSettings::strict.
+    /// @throws LimitError, else as merge().
+    Mesh mesh(std::uint64_t maxBytes = 0, bool strict = false,
+              Interrupter* interrupter = nullptr) const;
+    /// The voxel size of the level set, world units.
+    double voxelSize() const;
+    /// The diagonal of the box of its active voxels, world units; 0: there are none. @throws as
+    /// merge().
+    double diagonal(Interrupter* interrupter = nullptr) const;
     /// Bytes of the tiles that are done: about those of their .vdb file.
     std::uint64_t bytes() const;
     /// The files that the points came from, as absolute paths.

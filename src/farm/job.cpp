@@ -5,6 +5,7 @@
 #include "io/vdb/leaf_files.h"
 #include "job_file.h"
 #include "mpu/spread_fit.h"
+#include "task_mark.h"
 #include "tile_folder.h"
 #include "tile_mesh.h"
 #include "tiles.h"
@@ -16,14 +17,11 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/sampling.h>
 
-#include <csignal>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 
 namespace mpuvdb
 {
@@ -36,13 +34,6 @@ namespace fs = std::filesystem;
 std::string prefixOf(std::size_t grid)
 {
     return fmt::format("grid {} ", grid);
-}
-
-std::string hostName()
-{
-    char name[256] = {};
-    ::gethostname(name, sizeof name - 1);
-    return name;
 }
 
 void makeFolder(const fs::path& folder)
@@ -79,37 +70,6 @@ void writePlan(const fs::path& folder, PreparedPoints&& points, const JobOptions
     plan.parts = fit.parts();
     plan.write(folder);
 }
-
-/// A file that says who works on a task, as long as this lives.
-class Mark
-{
-public:
-    explicit Mark(fs::path file) : mFile(std::move(file))
-    {
-        std::ofstream(mFile) << hostName() << ' ' << ::getpid() << '\n';
-    }
-    /// The host of whom the mark in @a file is; empty without one, and if it was of a process of
-    /// this host that is no more.
-    static std::string hostOf(const fs::path& file)
-    {
-        std::string host;
-        pid_t process = 0;
-        std::ifstream mark(file);
-        if (!(mark >> host >> process)) return {};
-        const bool isGone = host == hostName() && ::kill(process, 0) != 0 && errno == ESRCH;
-        return isGone ? std::string() : host;
-    }
-    Mark(const Mark&) = delete;
-    Mark& operator=(const Mark&) = delete;
-    ~Mark()
-    {
-        std::error_code ignored;
-        fs::remove(mFile, ignored);
-    }
-
-private:
-    fs::path mFile;
-};
 
 /// The box of the cubes of @a voxels, world units.
 Box3d boxOf(const openvdb::CoordBBox& voxels, const Lattice& lattice)
@@ -262,7 +222,7 @@ std::vector<TaskState> Job::states() const
             states[n].seconds = record->seconds;
             states[n].peakBytes = record->peakBytes;
             states[n].host = record->host;
-        } else if (const std::string host = Mark::hostOf(Impl::markOf(result)); !host.empty()) {
+        } else if (const std::string host = TaskMark::hostOf(Impl::markOf(result)); !host.empty()) {
             states[n].state = TaskState::State::Running;
             states[n].host = host;
         }
@@ -319,7 +279,7 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
     const fs::path result = mImpl->resultOf(phase(), n);
     if (mImpl->doneBy(result)) return;
     const auto start = std::chrono::steady_clock::now();
-    const Mark mark(Impl::markOf(result));
+    const TaskMark mark(Impl::markOf(result));
     TaskRecord record;
     if (phase() == JobPhase::Fit)
         SpreadFit(mImpl->folder).fit(n, result, progress);
@@ -327,7 +287,7 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
         mImpl->sample(n, result, record, progress);
     record.plan = mImpl->plan.id;
     record.hash = contentHash(result, progress);
-    record.host = hostName();
+    record.host = TaskMark::thisHost();
     record.bytes = fs::file_size(result);
     record.peakBytes = peakResidentBytes();
     record.seconds =
@@ -484,12 +444,27 @@ JobResult Job::mergeToFolder(const fs::path& folder, const SceneSettings& scene,
     return result;
 }
 
-Mesh Job::mesh(std::uint64_t maxBytes, Interrupter* interrupter) const
+double Job::voxelSize() const
+{
+    return mImpl->plan.grid.lattice.voxelSize;
+}
+
+double Job::diagonal(Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireTiles(progress);
+    const std::vector<ArrayFile> tiles = mImpl->parted().files();
+    if (tiles.empty()) return 0;
+    const auto grid = gridOfLeaves(tiles, prefixOf(0), {}, progress);
+    return voxelSize() * grid->evalActiveVoxelDim().asVec3d().length();
+}
+
+Mesh Job::mesh(std::uint64_t maxBytes, bool strict, Interrupter* interrupter) const
 {
     Interrupter& progress = orSilent(interrupter);
     mImpl->requireTiles(progress);
     const MpuField& field = mImpl->fieldOnly();
-    Mesh mesh = meshOfParts(mImpl->parted(), prefixOf(0), &field, maxBytes, progress);
+    Mesh mesh = meshOfParts(mImpl->parted(), prefixOf(0), {&field, strict}, maxBytes, progress);
     if (!mImpl->plan.attributes.empty())
         addAttributes(mesh, *field.attributes(mImpl->plan.attributes, &progress), &progress);
     return mesh;

@@ -54,11 +54,10 @@ struct Part {
 class PartsMesher
 {
 public:
-    PartsMesher(const PartedGrid& grid, const std::string& prefix, const Field* field,
+    PartsMesher(const PartedGrid& grid, const std::string& prefix, const ExtractSettings& settings,
                 Interrupter& progress)
-        : mGrid(grid), mPrefix(prefix), mProgress(progress), mQuiet(progress)
+        : mGrid(grid), mPrefix(prefix), mProgress(progress), mQuiet(progress), mSettings(settings)
     {
-        mSettings.field = field;
         CoordBBox box;
         for (const auto& [cube, file] : grid.parts())
             for (const Coord& leaf : nodesWithLeaves(file, prefix, kBlockDim))
@@ -90,6 +89,10 @@ public:
         while (retract(folded)) {
         }
         mProgress.endStage();
+        if (mSettings.strict)
+            for (Vertices found = crossingVertices(mMesh, mProgress); retract(found);
+                 found = crossingVertices(mMesh, mProgress)) {
+            }
         return std::move(mMesh);
     }
 
@@ -317,10 +320,10 @@ private:
 
 } // namespace
 
-Mesh meshOfParts(const PartedGrid& grid, const std::string& prefix, const Field* field,
+Mesh meshOfParts(const PartedGrid& grid, const std::string& prefix, const ExtractSettings& settings,
                  std::uint64_t maxBytes, Interrupter& progress)
 {
-    return PartsMesher(grid, prefix, field, progress).run(maxBytes);
+    return PartsMesher(grid, prefix, settings, progress).run(maxBytes);
 }
 
 } // namespace mpuvdb

@@ -377,15 +377,6 @@ void DualMesh::findTouching(const Quad& corners, Vertices& found) const
     found.push_back(farther);
 }
 
-DualMesh::Vertices DualMesh::crossing() const
-{
-    Vertices found;
-    for (const TrianglePair& pair : findSelfIntersections(mMesh, &mProgress))
-        for (const std::uint32_t t : pair)
-            found.insert(found.end(), mMesh.triangles[t].begin(), mMesh.triangles[t].end());
-    return found;
-}
-
 /// Whether a triangle is folded over: it faces against the values, with a cosine of @a facing
 /// either below kFolded (beside sharp edges it may be slightly negative) or also against the
 /// edge that its quad belongs to.
@@ -394,6 +385,15 @@ bool DualMesh::isFolded(const Mesh::Triangle& v, float facing, int outwards) con
     const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]], &c = mMesh.positions[v[2]];
     const float along = (b - a).cross(c - a)[outwards % 3];
     return facing < kFolded || (facing < 0 && (outwards < 3 ? along : -along) < 0);
+}
+
+DualMesh::Vertices crossingVertices(const Mesh& mesh, Interrupter& progress)
+{
+    DualMesh::Vertices found;
+    for (const TrianglePair& pair : findSelfIntersections(mesh, &progress))
+        for (const std::uint32_t t : pair)
+            found.insert(found.end(), mesh.triangles[t].begin(), mesh.triangles[t].end());
+    return found;
 }
 
 } // namespace mpuvdb

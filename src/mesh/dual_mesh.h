@@ -58,8 +58,6 @@ public:
     /// @param found  the vertices; on return those of the new triangles that fold over.
     /// @return whether any could still be retracted.
     bool retract(Vertices& found);
-    /// The vertices of triangles that cross.
-    Vertices crossing() const;
     /// Calls visit(quad) for each quad of block @a n that has a new vertex.
     template <typename Visit>
     void forEachNewQuad(std::size_t n, const Visit& visit) const
@@ -108,5 +106,8 @@ private:
     std::uint32_t mRound = 0;            ///< of retraction
     std::vector<std::uint8_t> mOutwards; ///< of each quad, see DualCells::forEachQuad()
 };
+
+/// The vertices of the triangles of @a mesh that cross.
+DualMesh::Vertices crossingVertices(const Mesh& mesh, Interrupter& progress);
 
 } // namespace mpuvdb

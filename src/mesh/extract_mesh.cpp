@@ -24,8 +24,8 @@ Mesh extractMesh(const LevelSet& levelSet, const ExtractSettings& settings,
     progress.advance();
     progress.endStage();
     if (settings.strict)
-        for (DualMesh::Vertices found = mesh.crossing(); mesh.retract(found);
-             found = mesh.crossing()) {
+        for (DualMesh::Vertices found = crossingVertices(mesh.mesh(), progress);
+             mesh.retract(found); found = crossingVertices(mesh.mesh(), progress)) {
         }
     return mesh.take();
 }

@@ -56,7 +56,9 @@ public:
                 "      A folder: a .vdb file for each tile, a USD layer that shows them as one,\n"
                 "      level sets of voxels 4 and 16 times larger, and an index (JSON).\n"
                 "  mpuvdb merge job/ --mesh city.ply\n"
-                "      The mesh of the whole, made tile by tile.\n"};
+                "      The mesh of the whole, made tile by tile.\n"
+                "  mpuvdb merge job/ --mesh city.ply --mesh-tolerance 0.1vx --lods 3\n"
+                "      A tenth of the triangles or fewer, and three coarser meshes.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -72,16 +74,21 @@ public:
                        "in /; a name without an extension is that of a folder where the grids\n"
                        "take more than 4 GiB, and else gets .vdb")
             ->type_name("OUT.vdb|OUT/");
-        app.add_option("--mesh", mMesh,
-                       "Of a job: write the mesh of mpuvdb reconstruct, tile by tile: .ply .obj\n"
-                       ".off .stl .glb .usda")
-            ->type_name("OUT.ply");
-        addScene(app, mScene);
+        CLI::Option* const mesh =
+            app.add_option(
+                   "--mesh", mMesh.path,
+                   "Of a job: write the mesh of mpuvdb reconstruct, tile by tile: .ply .obj\n"
+                   ".off .stl .glb .usda; - is PLY on standard output")
+                ->type_name("OUT.ply");
+        addMeshShape(app, mMesh.shape, "--mesh-tolerance");
+        for (const char* const ofMesh : {"--mesh-tolerance", "--lods", "--strict"})
+            app.get_option(ofMesh)->needs(mesh);
+        addScene(app, mMesh.scene);
         app.callback([this] {
             const bool isOfJob = mInputs.size() == 1 && isJob(mInputs[0]);
-            if (!mMesh.empty() && !isOfJob)
+            if (!mMesh.path.empty() && !isOfJob)
                 throw UsageError("--mesh is for jobs: mpuvdb mesh makes one of a .vdb file");
-            if (mOutput.empty() && mMesh.empty()) throw CLI::RequiredError("--output");
+            if (mOutput.empty() && mMesh.path.empty()) throw CLI::RequiredError("--output");
         });
     }
 
@@ -95,7 +102,7 @@ public:
             files.push_back(inputs.back().file);
         }
         const std::vector<Output> outputs{{"-o", mOutput, {".vdb"}, true}};
-        mScene.requireUse(outputs);
+        mMesh.scene.requireUse(outputs);
         session.checkFiles(outputs, files);
         for (const NamedFile& input : inputs) add(input, session);
         openvdb::GridCPtrVec grids(mGrids.begin(), mGrids.end());
@@ -140,34 +147,38 @@ private:
         const Job job(mInputs[0], buildId());
         std::string output = mOutput;
         const bool asFolder = !output.empty() && isFolder(job, output);
-        std::vector<Output> outputs{{"--mesh", mMesh, meshExtensions()}};
+        std::vector<Output> outputs = filesOf(mMesh, "--mesh");
         outputs.push_back({"-o", output, {".vdb"}, false, false, asFolder});
-        mScene.requireUse(outputs);
+        mMesh.scene.requireUse(outputs);
         std::vector<std::string> inputs = job.inputs();
         inputs.push_back(mInputs[0]);
         session.checkFiles(outputs, inputs);
         session.openScratch(mInputs[0]);
         Interrupter* const interrupter = &session.progress();
+        // Refused before anything is written.
+        const double tolerance =
+            mMesh.shape.tolerance
+                ? toleranceOf(job.voxelSize(), job.diagonal(interrupter), mMesh.shape)
+                : 0;
         ExitCode code = ExitCode::Ok;
         if (asFolder)
-            code = describeJob(session, job.mergeToFolder(output, mScene.settings, interrupter),
-                               output);
+            code = describeJob(
+                session, job.mergeToFolder(output, mMesh.scene.settings, interrupter), output);
         else if (!output.empty())
             code = describeJob(session, job.merge(output, interrupter), output);
-        if (!mMesh.empty()) writeMesh(job, session);
-        return code;
+        if (mMesh.path.empty()) return code;
+        const ExitCode meshCode = writeMesh(job, tolerance, session);
+        return code == ExitCode::Ok ? meshCode : code;
     }
 
-    void writeMesh(const Job& job, Session& session) const
+    ExitCode writeMesh(const Job& job, double tolerance, Session& session) const
     {
-        const Mesh mesh = job.mesh(session.bytesLeft(), &session.progress());
-        mpuvdb::writeMesh(mMesh, mesh, mScene.settings, &session.progress());
-        const MeshReport report = measure(mesh);
-        session.report()["mesh"] = toJson(report);
+        Mesh mesh = job.mesh(session.bytesLeft(), mMesh.shape.strict, &session.progress());
+        const ExitCode code =
+            writeMeshes(std::move(mesh), job.voxelSize(), tolerance, mMesh, session);
         session.progress().endStage();
-        session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
-                                 report.vertices, report.triangles, report.components, mMesh));
         session.note("time        " + session.timesText());
+        return code;
     }
 
     void add(const NamedFile& input, Session& session)
@@ -201,8 +212,8 @@ private:
     }
 
     std::vector<std::string> mInputs;
-    std::string mOutput, mMesh;
-    Scene mScene;
+    std::string mOutput;
+    MeshOutput mMesh;
     openvdb::GridPtrVec mGrids;
     Json mList = Json::array();
 };

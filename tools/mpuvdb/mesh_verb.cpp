@@ -246,9 +246,8 @@ std::string lodPath(const std::string& path, int level)
 class MeshWriter
 {
 public:
-    MeshWriter(const LevelSet& levelSet, const MeshOutput& output, Session& session)
-        : mVoxelSize(levelSet.voxelSize()), mTolerance(toleranceOf(levelSet, output.shape)),
-          mOutput(output), mSession(session)
+    MeshWriter(double voxelSize, double tolerance, const MeshOutput& output, Session& session)
+        : mVoxelSize(voxelSize), mTolerance(tolerance), mOutput(output), mSession(session)
     {
     }
 
@@ -326,18 +325,23 @@ void warnOfLost(const Mesh& mesh, const std::string& path, Session& session)
 
 } // namespace
 
-double toleranceOf(const LevelSet& levelSet, const MeshShape& shape)
+double toleranceOf(double voxelSize, double diagonal, const MeshShape& shape)
 {
-    if (!shape.tolerance || levelSet.grid().empty()) return 0;
-    const double h = levelSet.voxelSize();
-    const double diagonal = h * levelSet.grid().evalActiveVoxelDim().asVec3d().length();
-    const double tolerance = shape.tolerance->resolve(h, diagonal);
+    if (!shape.tolerance || diagonal == 0) return 0;
+    const double tolerance = shape.tolerance->resolve(voxelSize, diagonal);
     if (tolerance > diagonal / 2)
         throw UsageError(fmt::format("tolerance {:.4g}: is more than half of the diagonal of the "
                                      "solid's box, {:.4g}, so that nothing of its form would be "
                                      "left. Give a smaller one, such as 0.1vx",
                                      tolerance, diagonal));
     return tolerance;
+}
+
+double toleranceOf(const LevelSet& levelSet, const MeshShape& shape)
+{
+    if (levelSet.grid().empty()) return 0;
+    const double h = levelSet.voxelSize();
+    return toleranceOf(h, h * levelSet.grid().evalActiveVoxelDim().asVec3d().length(), shape);
 }
 
 std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
@@ -350,15 +354,22 @@ std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
     return files;
 }
 
+ExitCode writeMeshes(Mesh mesh, double voxelSize, double tolerance, const MeshOutput& output,
+                     Session& session)
+{
+    warnOfLost(mesh, output.path, session);
+    if (mesh.triangles.empty())
+        session.warn(fmt::format("{}: nothing is there: the mesh is empty", output.path));
+    return MeshWriter(voxelSize, tolerance, output, session).write(std::move(mesh));
+}
+
 ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
 {
     Mesh mesh = extractMesh(levelSet, {output.field, output.shape.strict}, &session.progress());
     if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
     if (output.addAttributes) output.addAttributes(mesh, session.progress());
-    warnOfLost(mesh, output.path, session);
-    if (mesh.triangles.empty())
-        session.warn(fmt::format("{}: nothing is there: the mesh is empty", output.path));
-    return MeshWriter(levelSet, output, session).write(std::move(mesh));
+    return writeMeshes(std::move(mesh), levelSet.voxelSize(), toleranceOf(levelSet, output.shape),
+                       output, session);
 }
 
 std::unique_ptr<Verb> makeMesh()

@@ -153,8 +153,10 @@ struct MeshShape {
 /// Declares the option called @a tolerance (such as "--tolerance"), --lods and --strict.
 void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance);
 
-/// How far from the full mesh of @a levelSet the one of @a shape may be, world units; 0: it is the
-/// full one, or empty. @throws UsageError where nothing of the solid's form would be left.
+/// How far from the full mesh of a solid the one of @a shape may be, world units; 0: it is the full
+/// one, or empty. @param diagonal  of the box of its active voxels; 0: there are none.
+/// @throws UsageError where nothing of the solid's form would be left.
+double toleranceOf(double voxelSize, double diagonal, const MeshShape& shape);
 double toleranceOf(const LevelSet& levelSet, const MeshShape& shape);
 
 /// A mesh that a verb writes.
@@ -167,11 +169,15 @@ struct MeshOutput {
     Scene scene;
 };
 
-/// The files that writeMeshOf() writes, for checkFiles().
+/// The files that writeMeshes() writes, for checkFiles().
 std::vector<Output> filesOf(const MeshOutput& output, const std::string& option);
 
-/// Extracts the mesh of @a levelSet, writes and reports it. @return CheckFailed where triangles
-/// cross in spite of MeshShape::strict.
+/// Writes and reports the full @a mesh as output.shape says. @param tolerance  as toleranceOf().
+/// @return CheckFailed where triangles cross in spite of MeshShape::strict.
+ExitCode writeMeshes(Mesh mesh, double voxelSize, double tolerance, const MeshOutput& output,
+                     Session& session);
+
+/// Extracts the mesh of @a levelSet, and does the rest by writeMeshes().
 ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session);
 
 } // namespace mpuvdb::command
