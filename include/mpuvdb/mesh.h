@@ -101,9 +101,8 @@ MeshReport measure(const Mesh& mesh);
 using TrianglePair = std::array<std::uint32_t, 2>;
 
 /// The pairs of triangles that cross, sorted: their insides meet. Pairs with a common edge, or that
-/// only touch or overlap in a plane, do not count. Exact on
-/// positions rounded to 2^-30 of the mesh's size. The same for any number of threads.
-/// @throws Interrupted.
+/// only touch or overlap in a plane, do not count. Exact on positions rounded to 2^-30 of the
+/// mesh's size. The same for any number of threads. @throws Interrupted.
 std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh,
                                                 Interrupter* interrupter = nullptr);
 

@@ -24,6 +24,16 @@ struct CellSheets {
     std::array<std::uint16_t, 4> edges{};       ///< of each sheet, by bits
 };
 
+/// The corners of a cell that are inside, by bits. @param value  the value at (x,y,z), each 0 or 1.
+template <typename Value>
+std::uint8_t cornersInside(const Value& value)
+{
+    std::uint8_t inside = 0;
+    for (int c = 0; c < 8; ++c)
+        if (value(c >> 2 & 1, c >> 1 & 1, c & 1) < 0) inside = std::uint8_t(inside | 1 << c);
+    return inside;
+}
+
 /// The ends of an edge.
 constexpr CellEdge cellEdge(int edge)
 {

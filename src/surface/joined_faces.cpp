@@ -94,11 +94,8 @@ float JoinedFaces::towards(const Coord& corner, const Coord& step) const
 
 std::uint8_t JoinedFaces::cornersAt(const Coord& at) const
 {
-    std::uint8_t inside = 0;
-    for (int c = 0; c < 8; ++c)
-        if (mAccess.getValue(at.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
-            inside = std::uint8_t(inside | 1 << c);
-    return inside;
+    return cornersInside(
+        [&](int x, int y, int z) { return mAccess.getValue(at.offsetBy(x, y, z)); });
 }
 
 } // namespace mpuvdb

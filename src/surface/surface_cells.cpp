@@ -145,10 +145,8 @@ Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Cros
 CellFans::CellFans(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
                    const openvdb::Coord& at)
 {
-    std::uint8_t inside = 0;
-    for (int c = 0; c < 8; ++c) // x is the highest bit of a cell's corners, the lowest of corner()
-        if (window(base + corner((c & 1) << 2 | (c & 2) | c >> 2)) < 0)
-            inside = std::uint8_t(inside | 1 << c);
+    const std::uint8_t inside =
+        cornersInside([&](int x, int y, int z) { return window(base + Vec3i(x, y, z)); });
     const std::uint8_t joined = ambiguousFaces(inside) ? faces.of(at, inside) : std::uint8_t(0);
     const CellSheets& sheets = cellSheets(inside, joined);
     mSheets = sheets.count;
