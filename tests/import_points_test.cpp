@@ -228,5 +228,37 @@ TEST(Clean, DoesWhatItIsTold)
     EXPECT_FALSE(report.inward);
 }
 
+/// Terrain from a raster, of which a tenth has no data.
+TEST(ImportPoints, CoordinatesThatStandForNoData)
+{
+    std::vector<Vec3d> places;
+    for (int i = 0; i < 1000; ++i)
+        places.emplace_back(i % 40, i / 40, i % 10 == 3 ? -9999 : std::sin(0.1 * i));
+    const PointInput input = importPoints(PointView(places));
+    EXPECT_EQ(input.dropped.at("no data (z = -9999)"), 100u);
+    EXPECT_EQ(input.cloud.size(), 900u);
+    places.emplace_back(-32768, 2, 3);
+    EXPECT_EQ(importPoints(PointView(places)).dropped.at("no data (x = -32768, z = -9999)"), 101u);
+    try {
+        importPoints(PointView(places), "terrain.asc", BadPoints::Fail);
+        FAIL();
+    } catch (const InputError& error) {
+        const std::string what = error.what();
+        EXPECT_NE(what.find("point 3: no data (x = -32768, z = -9999) (101 of 1001 like it)"),
+                  std::string::npos)
+            << what;
+    }
+}
+
+/// The same numbers among others, and as the bottom of a box.
+TEST(ImportPoints, CoordinatesThatAreData)
+{
+    std::vector<Vec3d> places;
+    for (int i = 0; i < 1000; ++i) places.emplace_back(i % 40, i / 40, -9500 - i);
+    EXPECT_EQ(importPoints(PointView(places)).cloud.size(), 1000u);
+    for (Vec3d& place : places) place[2] = place[2] < -10000 ? -9999 : 0;
+    EXPECT_EQ(importPoints(PointView(places)).dropped.count("no data (z = -9999)"), 0u);
+}
+
 } // namespace
 } // namespace mpuvdb

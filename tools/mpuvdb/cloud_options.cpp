@@ -112,8 +112,9 @@ void CloudOptions::addPointOptions(CLI::App& app)
     app.add_flag("--flip-normals", mFlipNormals, "Turn all normals round: they point inward")
         ->group(group);
     app.add_option("--bad-points", mBadPoints,
-                   "What is done with points that are not finite, have a normal of zero, or are\n"
-                   "too far: a hundred times as far away as 95 % of all are from each other")
+                   "What is done with points that are not finite, have a normal of zero or a\n"
+                   "coordinate that stands for no data (-9999, -32768, far below all others), or\n"
+                   "are too far: a hundred times as far away as 95 % of all are from each other")
         ->type_name("drop|fail")
         ->check(oneOf({"drop", "fail"}))
         ->capture_default_str()

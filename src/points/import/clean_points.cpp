@@ -1,4 +1,5 @@
 // Leaves out a file's unusable points.
+#include "no_data.h"
 #include "raw_points.h"
 
 #include "core/release.h"
@@ -22,14 +23,15 @@ constexpr double kMaxCoordinate = 1e15;
 enum Fault : std::uint8_t {
     NotFinite,
     TooFar,
+    IsNoData,
     NormalNotFinite,
     ZeroNormal,
     ZeroConfidence,
     kFaults
 };
 
-constexpr const char* kFaultNames[kFaults] = {"not finite", "too far", "normal not finite",
-                                              "zero normal", "zero confidence"};
+constexpr const char* kFaultNames[kFaults] = {
+    "not finite", "too far", "no data", "normal not finite", "zero normal", "zero confidence"};
 
 struct BlockFaults {
     std::array<std::uint64_t, kFaults> counts{};
@@ -38,12 +40,13 @@ struct BlockFaults {
 };
 
 // The fault of point i; kFaults without one.
-Fault faultOf(const PointBlock& block, std::size_t i)
+Fault faultOf(const PointBlock& block, std::size_t i, const NoData& noData)
 {
     const Vec3d& p = block.positions[i];
     // Written so that NaN fails.
     if (!(p.cwiseAbs().maxCoeff() <= kMaxCoordinate) || !p.allFinite())
         return p.allFinite() ? TooFar : NotFinite;
+    if (noData.isAt(p)) return IsNoData;
     if (!block.normals.empty()) {
         const Vec3f& n = block.normals[i];
         if (!n.allFinite()) return NormalNotFinite;
@@ -54,11 +57,12 @@ Fault faultOf(const PointBlock& block, std::size_t i)
 }
 
 // The faults of points [begin, end); `first` counts from the block's beginning.
-BlockFaults countFaults(const PointBlock& block, std::size_t begin, std::size_t end)
+BlockFaults countFaults(const PointBlock& block, const NoData& noData, std::size_t begin,
+                        std::size_t end)
 {
     BlockFaults faults;
     for (std::size_t i = begin; i < end; ++i) {
-        const Fault fault = faultOf(block, i);
+        const Fault fault = faultOf(block, i, noData);
         if (fault == kFaults) continue;
         if (faults.counts[fault]++ == 0) faults.first[fault] = i;
         ++faults.total;
@@ -76,22 +80,23 @@ void addFaults(BlockFaults& all, const BlockFaults& more, std::uint64_t offset)
     all.total += more.total;
 }
 
-BlockFaults countFaults(const PointBlock& block)
+BlockFaults countFaults(const PointBlock& block, const NoData& noData)
 {
     std::vector<BlockFaults> slices((block.size() + kPointsPerSlice - 1) / kPointsPerSlice);
     tbb::parallel_for(std::size_t(0), slices.size(), [&](std::size_t s) {
         const std::size_t begin = s * kPointsPerSlice;
-        slices[s] = countFaults(block, begin, std::min(begin + kPointsPerSlice, block.size()));
+        slices[s] =
+            countFaults(block, noData, begin, std::min(begin + kPointsPerSlice, block.size()));
     });
     BlockFaults all;
     for (const BlockFaults& slice : slices) addFaults(all, slice, 0);
     return all;
 }
 
-void dropFaults(PointBlock& block)
+void dropFaults(PointBlock& block, const NoData& noData)
 {
     std::vector<std::uint8_t> keep(block.size());
-    for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = faultOf(block, i) == kFaults;
+    for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = faultOf(block, i, noData) == kFaults;
     block.compact(keep);
 }
 
@@ -141,11 +146,11 @@ void zeroNonFiniteScalars(FilePoints& points)
 }
 
 [[noreturn]] void throwFirst(const FilePoints& points, const BlockFaults& faults, Fault fault,
-                             std::uint64_t total)
+                             const std::string& what, std::uint64_t total)
 {
     throw InputError(fmt::format("{}: {} {}: {} ({} of {} like it). Drop them with --bad-points "
                                  "drop, or export the file without them.",
-                                 points.name, points.unit, faults.first[fault], kFaultNames[fault],
+                                 points.name, points.unit, faults.first[fault], what,
                                  faults.counts[fault], total));
 }
 
@@ -157,9 +162,10 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
     ignoreEmptyAttributes(points);
     zeroNonFiniteScalars(points);
     const std::uint64_t total = points.size();
+    const NoData noData(points);
     std::vector<BlockFaults> ofBlocks(points.blocks.size());
     tbb::parallel_for(std::size_t(0), ofBlocks.size(),
-                      [&](std::size_t b) { ofBlocks[b] = countFaults(points.blocks[b]); });
+                      [&](std::size_t b) { ofBlocks[b] = countFaults(points.blocks[b], noData); });
     BlockFaults faults;
     std::uint64_t before = 0;
     for (std::size_t b = 0; b < ofBlocks.size(); ++b) {
@@ -168,13 +174,14 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
     }
     for (std::size_t f = 0; f < kFaults; ++f) {
         if (faults.counts[f] == 0) continue;
+        const std::string what = f == IsNoData ? noData.text() : kFaultNames[f];
         // A confidence of zero is the file's way to leave a point out, no fault.
         if (badPoints == BadPoints::Fail && f != ZeroConfidence)
-            throwFirst(points, faults, Fault(f), total);
-        points.dropped[kFaultNames[f]] += faults.counts[f];
+            throwFirst(points, faults, Fault(f), what, total);
+        points.dropped[what] += faults.counts[f];
     }
     tbb::parallel_for(std::size_t(0), ofBlocks.size(), [&](std::size_t b) {
-        if (ofBlocks[b].total > 0) dropFaults(points.blocks[b]);
+        if (ofBlocks[b].total > 0) dropFaults(points.blocks[b], noData);
     });
 }
 
