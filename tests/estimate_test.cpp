@@ -162,10 +162,12 @@ TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
              {"union", "a.vdb", "b.vdb", "--blend", "15vx"},
              {"morph", "a.vdb", "b.vdb"},
              {"resample", "a.vdb", "--half-width", "30"},
+             {"render", "a.vdb", "--size", "80x60"},
          }) {
         SCOPED_TRACE(verb[0] + " " + verb.back());
         Words free = verb, bound = verb;
-        free.insert(free.end(), {"-o", "o.vdb", "--report", "r.json"});
+        const std::string made = verb[0] == "render" ? "o.png" : "o.vdb";
+        free.insert(free.end(), {"-o", made, "--report", "r.json"});
         ASSERT_EQ(mpuvdb(free).status, 0);
         double peak = 0, read = 0;
         const json report = json::parse(readFile(mFolder / "r.json"));
@@ -173,13 +175,13 @@ TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
             peak = std::max(peak, stage["peak_bytes"].get<double>());
             if (stage["name"] == "read") read = stage["peak_bytes"].get<double>();
         }
-        std::filesystem::remove(mFolder / "o.vdb");
+        std::filesystem::remove(mFolder / made);
         const double limit = read + 0.1 * (peak - read);
         bound.insert(bound.end(),
-                     {"-o", "o.vdb", "--max-memory", std::to_string(std::uint64_t(limit))});
+                     {"-o", made, "--max-memory", std::to_string(std::uint64_t(limit))});
         const Ended refused = mpuvdb(bound);
         EXPECT_EQ(refused.status, 5) << refused.err;
-        EXPECT_FALSE(std::filesystem::exists(mFolder / "o.vdb"));
+        EXPECT_FALSE(std::filesystem::exists(mFolder / made));
         const std::string needs = "needs about ";
         const std::size_t at = refused.err.find(needs);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)

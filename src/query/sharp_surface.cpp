@@ -1,15 +1,19 @@
 #include "sharp_surface.h"
 
 #include "band_window.h"
+#include "grid/leaf_halo.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
 
+#include <openvdb/tree/LeafManager.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace mpuvdb
 {
@@ -53,6 +57,35 @@ std::vector<bool> smoothVertices(const Mesh& mesh, const LevelSet& levelSet, Int
     return std::vector<bool>(smooth.begin(), smooth.end());
 }
 
+/// The number of edges between voxels of the leaves, and up from them, whose ends differ in sign.
+std::uint64_t crossedEdges(const openvdb::FloatTree& tree, const Interrupter& progress)
+{
+    using Window = BlockWindow<0, 1>;
+    const openvdb::tree::LeafManager<const openvdb::FloatTree> leaves(tree);
+    const auto inLeaf = [&](const openvdb::Coord& origin) {
+        const openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(tree);
+        Window window;
+        window.load(access, origin, 1);
+        std::uint64_t edges = 0;
+        for (int x = 0; x < kBlockDim; ++x)
+            for (int y = 0; y < kBlockDim; ++y)
+                for (int z = 0; z < kBlockDim; ++z) {
+                    const int at = Window::index(x, y, z);
+                    for (const int step : Window::kStride)
+                        edges += (window[at] < 0) != (window[at + step] < 0);
+                }
+        return edges;
+    };
+    return tbb::parallel_reduce(
+        leaves.leafRange(), std::uint64_t(0),
+        [&](const auto& range, std::uint64_t edges) {
+            progress.check();
+            for (auto leaf = range.begin(); leaf; ++leaf) edges += inLeaf(leaf->origin());
+            return edges;
+        },
+        std::plus<>());
+}
+
 Mesh meshOf(const LevelSet& levelSet, const Field* field, Interrupter& progress)
 {
     Mesh mesh = extractMesh(levelSet, {field}, &progress);
@@ -63,6 +96,14 @@ Mesh meshOf(const LevelSet& levelSet, const Field* field, Interrupter& progress)
 }
 
 } // namespace
+
+std::uint64_t SharpSurface::bytesFor(const LevelSet& levelSet, const Interrupter& progress)
+{
+    // Two triangles for each edge between voxels that the surface crosses, and as many vertices as
+    // edges, but for handles and parts.
+    const std::uint64_t edges = crossedEdges(levelSet.grid().tree(), progress);
+    return edges * (2 * sizeof(Mesh::Triangle) + sizeof(Vec3f)) + TriangleTree::bytesFor(2 * edges);
+}
 
 SharpSurface::SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress)
     : mVoxelSize(levelSet.voxelSize()), mField(makeGridField(levelSet)),

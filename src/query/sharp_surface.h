@@ -30,6 +30,9 @@ public:
     /// @throws LimitError, Interrupted.
     SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress);
 
+    /// Memory of the triangles of @a levelSet and of their tree, bytes. @throws Interrupted.
+    static std::uint64_t bytesFor(const LevelSet& levelSet, const Interrupter& progress);
+
     const SignedTriangles& triangles() const { return mTriangles; }
     /// The nearest place to @a p, which is finite. @param near  that of the triangles.
     /// @param inside  whether @a p is, where that is known.

@@ -1,5 +1,6 @@
 #include "picture.h"
 #include "png_image.h"
+#include "query/sharp_surface.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/queries.h>
@@ -258,6 +259,21 @@ Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrup
     return image;
 }
 
+/// @throws LimitError where the surface's triangles take more than @a maxBytes.
+void requireMemory(const LevelSet& levelSet, std::uint64_t maxBytes, const Interrupter& progress)
+{
+    if (maxBytes == 0) return;
+    const std::uint64_t bytes = SharpSurface::bytesFor(levelSet, progress);
+    if (bytes <= maxBytes) return;
+    // Surfaces grow with the square of the resolution.
+    const double larger = std::sqrt(double(bytes) / double(maxBytes));
+    throw LimitError(fmt::format("the surface's mesh needs about {:.0f} MB, more than the "
+                                 "{:.0f} MB that are left: resample to voxels of {:.3g}, or raise "
+                                 "--max-memory",
+                                 double(bytes) / 1e6, double(maxBytes) / 1e6,
+                                 1.05 * larger * levelSet.voxelSize()));
+}
+
 void requireRange(const char* name, double value, double low, double high)
 {
     if (!(value >= low && value <= high))
@@ -275,6 +291,7 @@ void writePicture(const fs::path& file, const LevelSet& levelSet, const PictureS
     requireRange("height", settings.height, 16, 8192);
     requireRange("azimuth", settings.azimuth, -360, 360);
     requireRange("elevation", settings.elevation, -90, 90);
+    requireMemory(levelSet, settings.maxBytes, progress);
     const Image image = render(levelSet, settings, progress);
     writePng(file, image, progress);
 }

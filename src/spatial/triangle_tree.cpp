@@ -103,6 +103,16 @@ TriangleTree::TriangleTree(const Mesh& mesh, Interrupter& progress)
     boundNodes(progress);
 }
 
+std::uint64_t TriangleTree::bytesFor(std::uint64_t triangles)
+{
+    std::uint64_t leaves = 1;
+    while (leaves * kLeafTriangles < triangles) leaves *= 2;
+    const std::uint64_t sorting = triangles * sizeof(std::pair<std::uint64_t, std::uint32_t>),
+                        nodes = triangles * sizeof(Corners) +
+                                2 * leaves * (sizeof(Box) + sizeof(Cylinder));
+    return triangles * sizeof(std::uint32_t) + std::max(sorting, nodes);
+}
+
 TriangleTree::Viewpoint::Viewpoint(const Vec3d& p, const Box& box) : from(p)
 {
     const Vec3d low = box.min().cast<double>(), high = box.max().cast<double>();

@@ -27,6 +27,9 @@ public:
     /// @param mesh  has triangles; need not outlive this. @throws Interrupted.
     TriangleTree(const Mesh& mesh, Interrupter& progress);
 
+    /// Memory of the tree of so many @a triangles, and at most while it is made, bytes.
+    static std::uint64_t bytesFor(std::uint64_t triangles);
+
     std::size_t size() const { return mOrder.size(); }
     /// Of the triangle at place @a slot, its index in the mesh and its corners.
     std::uint32_t triangle(std::size_t slot) const { return mOrder[slot]; }

@@ -73,6 +73,8 @@ public:
                 readLevelSet(file, place.grid, session.options().maxBytes, Validation::SignsOnly);
         });
         const LevelSet& levelSet = *read;
+        session.hold(levelSet.grid().memUsage());
+        mPicture.maxBytes = session.bytesLeft();
         session.report()["settings"] = {{"width", mPicture.width},
                                         {"height", mPicture.height},
                                         {"azimuth", mPicture.azimuth},
