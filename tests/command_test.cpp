@@ -356,6 +356,11 @@ TEST_F(CommandTest, MemoryLimitIsKept)
                                 "--max-memory", "60M", "--report", "a.json"});
     EXPECT_EQ(ended.status, 5) << ended.err;
     EXPECT_EQ(readJson("a.json")["error"]["type"], "LimitError");
+    for (const char* const noRoomForThreads : {"15M", "20M", "25M"}) {
+        const Ended few =
+            mpuvdb({"reconstruct", scan(), "-o", "a.vdb", "--max-memory", noRoomForThreads});
+        EXPECT_EQ(few.status, 5) << noRoomForThreads << ": " << few.err;
+    }
     EXPECT_EQ(mFolder.names(), (Words{"a.json"}));
 }
 

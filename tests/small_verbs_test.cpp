@@ -95,6 +95,18 @@ TEST_F(SmallVerbs, StatusTellsOfAJobThatIsNotDone)
     EXPECT_GT(status["tasks"], 0);
 }
 
+TEST_F(SmallVerbs, PlanTakesWhatItHasOfAPreset)
+{
+    mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});
+    for (const char* const preset : {"scan", "clean", "particles", "terrain"}) {
+        const Ended ended = mpuvdb({"plan", "ring.ply", "--job", std::string("job ") + preset,
+                                    "--voxels", "40", "--preset", preset});
+        EXPECT_NE(ended.out.find(std::string("preset      ") + preset), std::string::npos)
+            << ended.out;
+        EXPECT_EQ(ended.out.find("--holes"), std::string::npos) << ended.out;
+    }
+}
+
 TEST_F(SmallVerbs, MergeLeavesAJobsInputsAlone)
 {
     mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});

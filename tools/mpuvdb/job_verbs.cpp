@@ -82,11 +82,13 @@ public:
                      "Write a grid 'coverage' beside the level set: 1 where data support the\n"
                      "surface, 0 where it is invented; each process looks at all points for it");
         mCloud.addTo(app);
-        app.callback([this, &app] { applyPreset(app, mCloud.preset); });
+        app.callback([this, &app] { mPresetOptions = applyPreset(app, mCloud.preset); });
     }
 
     ExitCode run(Session& session) override
     {
+        if (!mCloud.preset.empty())
+            session.note(fmt::format("preset      {}: {}", mCloud.preset, mPresetOptions));
         session.checkFiles({}, mCloud.inputs);
         checkDistinct({{"-o", mOutput, {}}}, mCloud.inputs);
         session.openScratch(mFolder);
@@ -152,6 +154,7 @@ private:
     }
 
     CloudOptions mCloud;
+    std::string mPresetOptions; ///< what the preset set
     std::string mFolder, mOutput, mEngine;
     int mSlots = 64;
     std::optional<int> mTileVoxels;

@@ -56,7 +56,8 @@ std::string typed(const std::vector<Setting>& settings)
 
 CLI::Option* addPreset(CLI::App& app, std::string& preset)
 {
-    std::string help = "Options for a kind of data; options given beside it take precedence";
+    std::string help = "Options for a kind of data, as far as this verb has them; options given "
+                       "beside it\ntake precedence";
     std::vector<std::string> names;
     for (const Preset& p : presets()) {
         names.push_back(p.name);
@@ -74,8 +75,8 @@ std::string applyPreset(CLI::App& app, const std::string& preset)
     if (found == presets().end()) return {};
     std::vector<Setting> set;
     for (const Setting& s : found->settings) {
-        CLI::Option* const option = app.get_option(s.option);
-        if (option->count() > 0) continue;
+        CLI::Option* const option = app.get_option_no_throw(s.option);
+        if (!option || option->count() > 0) continue;
         option->add_result(std::string(s.value));
         option->run_callback();
         set.push_back(s);

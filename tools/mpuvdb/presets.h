@@ -7,10 +7,11 @@
 namespace mpuvdb::command
 {
 
-/// Declares --preset of a verb that has all options that presets set.
+/// Declares --preset.
 CLI::Option* addPreset(CLI::App& app, std::string& preset);
 
-/// Sets the options of @a preset but those given on the command line, which has been parsed.
+/// Sets the options of @a preset that the verb has, but those given on the command line, which has
+/// been parsed.
 /// @return the options set, as typed; empty without a preset.
 std::string applyPreset(CLI::App& app, const std::string& preset);
 

@@ -4,10 +4,11 @@
 #include "scratch_memory.h"
 #include "signals.h"
 
+#include <cerrno>
+#include <cstring>
 #include <fmt/format.h>
 #include <new>
 #include <openvdb/openvdb.h>
-#include <system_error>
 
 namespace mpuvdb::command
 {
@@ -47,10 +48,8 @@ int guarded(Session& session, const std::function<ExitCode()>& work)
     } catch (const std::bad_alloc&) {
         return outOfMemory(session);
     } catch (const std::exception& e) {
-        // No room for another thread's stack, or for another process.
-        const auto* const system = dynamic_cast<const std::system_error*>(&e);
-        if (system && system->code() == std::errc::resource_unavailable_try_again)
-            return outOfMemory(session);
+        // No room for another thread's stack, or for another process: TBB's error has but the text.
+        if (std::strstr(e.what(), std::strerror(EAGAIN))) return outOfMemory(session);
         session.fail("InternalError", fmt::format("internal error: {}", e.what()));
         return int(ExitCode::Internal);
     }
