@@ -412,6 +412,27 @@ TEST(Resample, GoesToSmallerAndLargerVoxels)
     }
 }
 
+/// Voxels 20 and 50 times as large: each one's distance is searched, for which no band of the
+/// source is wide enough.
+TEST(Resample, SearchesTheDistancesOfMuchLargerVoxels)
+{
+    for (const char* description : {"torus(1, 0.4)", "rotate(box(1.2, 1, 1.4), 1, 2, 3, 40)"}) {
+        SCOPED_TRACE(description);
+        const LevelSet levelSet = sampled(*solidField(description), 1.0 / 80);
+        for (const double ratio : {10.3, 20.7}) {
+            SCOPED_TRACE(ratio);
+            Interrupter progress;
+            const LevelSet result =
+                resample(levelSet, {Vec3d(0.011, -0.007, 0.003), ratio / 80}, 3, &progress);
+            test::expectSound(result);
+            const test::Deviation d = test::deviation(result, exactly(description));
+            EXPECT_LT(d.mean, 0.0002);
+            EXPECT_LT(d.largest, 0.05);
+            EXPECT_EQ(progress.notes().size(), 0u);
+        }
+    }
+}
+
 TEST(Resample, GoesThereAndBack)
 {
     const LevelSet levelSet = sampled(*solidField("torus(1, 0.4)"), 1.0 / 24);

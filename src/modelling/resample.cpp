@@ -1,5 +1,6 @@
 #include "resample.h"
 
+#include "distance/far_field.h"
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 #include "sampling/solid_blocks.h"
@@ -23,9 +24,9 @@ namespace
 /// The band, in voxels, that interpolation reads beyond a place. [derived: two of the cubic
 /// stencil, half a voxel of position]
 constexpr double kStencil = 2.5;
-/// The half-width, in voxels of the result, in which the surface is found. [derived: both ends of
-/// an edge that it crosses, and their neighbors]
-constexpr double kCrossingWidth = 2;
+/// The half-width, in voxels of the source, in which its own values are taken where others are
+/// searched. [derived: the nearest voxels of any place on the surface]
+constexpr double kOwnWidth = 0.5;
 /// The relative difference up to which half-widths are equal. [derived: backgrounds are floats]
 constexpr double kRounding = 1e-6;
 
@@ -66,11 +67,13 @@ void noteLoss(const LevelSet& fine, const LevelSet& coarse, Interrupter& progres
 
 double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
 {
-    // Larger voxels need a wide band of the source: it gets what the surface needs, and the rest is
-    // added to the result.
-    const double ratio = to.voxelSize / from.voxelSize;
-    const double crossing = std::min(kCrossingWidth, halfWidth);
-    return (ratio > 1 ? crossing : halfWidth) * ratio + beyond(from, to);
+    return isSearched(from, to) ? kStencil + kOwnWidth
+                                : halfWidth * to.voxelSize / from.voxelSize + beyond(from, to);
+}
+
+bool isSearched(const Lattice& from, const Lattice& to)
+{
+    return to.voxelSize > from.voxelSize * (1 + kRounding);
 }
 
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
@@ -88,22 +91,24 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     if (levelSet.grid().tree().activeVoxelCount() == 0)
         return emptyLevelSet(lattice, halfWidth, name);
 
-    const double ratio = lattice.voxelSize / from.voxelSize, outer = beyond(from, lattice);
-    const double crossing = std::min(kCrossingWidth, halfWidth);
-    const double least = widthToResample(from, lattice, halfWidth);
-    if (const double most = (kMaxHalfWidth - outer) / crossing; ratio > most)
+    const double ratio = lattice.voxelSize / from.voxelSize;
+    if (ratio > kMaxHalfWidth)
         throw LimitError(fmt::format("voxels of {:g} are {:.4g} times those of the level "
-                                     "set, and may be {:.3g} times: take voxels of at most {:.4g}",
-                                     lattice.voxelSize, ratio, most, most * from.voxelSize));
+                                     "set, and may be {:g} times: take voxels of at most {:.4g}",
+                                     lattice.voxelSize, ratio, kMaxHalfWidth,
+                                     kMaxHalfWidth * from.voxelSize));
+    const double least = widthToResample(from, lattice, halfWidth);
     const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
                                 ? withHalfWidth(levelSet, least, &progress)
                                 : levelSet;
-    const double known = std::max((source.halfWidth() - outer) / ratio, crossing);
     SampleSettings settings;
     settings.lattice = lattice;
-    settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
+    settings.halfWidth = std::min(halfWidth, 100.0);
     settings.name = name;
-    const LevelSet result = sampleField(*makeGridField(source), settings, &progress);
+    const FieldPtr field = isSearched(from, lattice)
+                               ? makeFarField(source, source.halfWidth() - kStencil, progress)
+                               : makeGridField(source);
+    const LevelSet result = sampleField(*field, settings, &progress);
     if (ratio > 1) noteLoss(levelSet, result, progress);
     return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, &progress) : result;
 }

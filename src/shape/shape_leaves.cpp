@@ -1,6 +1,5 @@
 // Leaves of shapes: fields, level sets, meshes.
 #include "core/whole_triangle.h"
-#include "grid/band_limits.h"
 #include "grid/solid_bounds.h"
 #include "grid/transform_lattice.h"
 #include "modelling/resample.h"
@@ -142,10 +141,10 @@ public:
         if (isThere(own.lattice))
             return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
         const double needed = widthToResample(mLattice, own.lattice, own.halfWidth);
-        if (needed > kMaxHalfWidth) return 0; // is refused
         double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
         if (needed > mLevelSet.halfWidth())
             bytes += widerBytes(surface, needed) + gridBytes(surface, h, needed);
+        if (isSearched(mLattice, own.lattice)) bytes += distanceBytes(surface, h);
         return bytes;
     }
 
