@@ -87,6 +87,23 @@ TEST_F(FarmTest, TilesWithCoverageAndAttributesAreTheWhole)
     EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
 }
 
+// Blunt edges of noisy points have values that are restored again and again along an edge, across
+// the borders of tiles.
+TEST_F(FarmTest, TilesOfBluntEdgesAreTheWhole)
+{
+    for (const std::uint64_t seed : {1, 2, 3, 4}) {
+        ScanSettings scan = scanSettings(30000);
+        scan.seed = seed;
+        scan.noise = 0.003;
+        const PointCloud cloud = scanOf("difference(box(2, 2, 1), cylinder(0.4, 3))", scan);
+        ReconstructOptions options;
+        options.sharp = false;
+        std::size_t tiles = 0;
+        const std::string parts = tiled(cloud, options, tiles);
+        EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ, seed " << seed;
+    }
+}
+
 TEST_F(FarmTest, WideBandsInTilesAreTheWhole)
 {
     ReconstructOptions options = voxelSize(0.02);
