@@ -101,6 +101,7 @@ TEST_F(FarmTest, TilesOfBluntEdgesAreTheWhole)
         std::size_t tiles = 0;
         const std::string parts = tiled(cloud, options, tiles);
         EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ, seed " << seed;
+        fs::remove_all(at("job"));
     }
 }
 

@@ -101,9 +101,9 @@ TEST_F(SmallVerbs, PlanTakesWhatItHasOfAPreset)
     for (const char* const preset : {"scan", "clean", "particles", "terrain"}) {
         const Ended ended = mpuvdb({"plan", "ring.ply", "--job", std::string("job ") + preset,
                                     "--voxels", "40", "--preset", preset});
-        EXPECT_NE(ended.out.find(std::string("preset      ") + preset), std::string::npos)
-            << ended.out;
-        EXPECT_EQ(ended.out.find("--holes"), std::string::npos) << ended.out;
+        EXPECT_NE(ended.err.find(std::string("preset      ") + preset), std::string::npos)
+            << ended.err;
+        EXPECT_EQ(ended.err.find("--holes"), std::string::npos) << ended.err;
     }
 }
 
