@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -86,6 +87,28 @@ TEST(EstimateNormals, CavitiesLookInward)
           "difference(box(2,2,2),translate(sphere(0.3),0.4,0,0),translate(sphere(0.2),-0.5,0,0))",
           "union(difference(sphere(1),sphere(0.9)),sphere(0.5))"})
         EXPECT_EQ(shareRight(solid, 15000, Pattern::Even), 1) << solid << " seed " << kSeed;
+}
+
+// Walls three spacings thin, whose sides hang together by no links: each is a part of its own.
+TEST(EstimateNormals, ThinShellsAreHollow)
+{
+    constexpr std::size_t kOuter = 40000;
+    const double inner = 1 - 3 * std::sqrt(4 * M_PI / double(kOuter));
+    for (unsigned seed = kSeed; seed < kSeed + 6; ++seed) {
+        std::mt19937 random(seed);
+        std::normal_distribution<float> normal;
+        PointCloud cloud;
+        for (std::size_t n = 0; n < std::size_t(double(kOuter) * (1 + inner * inner)); ++n) {
+            const Vec3f to = Vec3f(normal(random), normal(random), normal(random)).normalized();
+            cloud.positions.push_back(n < kOuter ? to : Vec3f(float(inner) * to));
+        }
+        Interrupter progress;
+        estimateNormals(cloud, {}, &progress);
+        std::size_t wrong = 0;
+        for (std::size_t n = 0; n < cloud.size(); ++n)
+            wrong += (cloud.positions[n].dot(cloud.normals[n]) > 0) != (n < kOuter);
+        EXPECT_LT(wrong, cloud.size() / 1000) << "seed " << seed;
+    }
 }
 
 TEST(EstimateNormals, SmoothSolidsAreRightEverywhere)

@@ -48,8 +48,9 @@ private:
                       liesWithin(mParts[part], d.winding, mPoints);
             drop += dropAcross(part, d.winding);
         }
-        // Of the 1 that a closed surface's number drops by. [tuned: estimate_normals_test]
-        constexpr double kClearly = 0.25;
+        // Of the 1 that a surface's number drops by. [derived: 1/2 s / sqrt(s^2 + 1/(3 pi)) cells,
+        // with s = 1, of a plane half a cell away, that the step across just reaches]
+        constexpr double kClearly = 0.475;
         if (std::abs(drop) > kClearly) return drop < 0;
         // A twentieth of what a closed part does. [tuned: ContourNormals; the same from 0.005 to
         // 0.02]
