@@ -37,10 +37,6 @@ constexpr float kTip = 0.5f;
 /// Depth inside the band, voxels, by a neighbor's value, from which on a voxel is added however far
 /// the nearest crossing is. [tuned: sample_field_test]
 constexpr float kCertainDepth = 0.5f;
-/// Times that changed places are examined again: what is changed tells on values up to two voxels
-/// farther each time, and a leaf about a region that is sampled alone is examined with it.
-/// [derived: 2 n - 1 voxels, and one more of those added in the end, are eight at most]
-constexpr int kRounds = 4;
 
 class Restorer
 {
@@ -76,7 +72,7 @@ private:
     std::uint64_t run(std::vector<Leaf*> work)
     {
         std::uint64_t changed = 0;
-        for (int round = 0; round < kRounds && !work.empty(); ++round) {
+        while (!work.empty()) {
             std::vector<std::vector<Examined>> found(work.size());
             forEach(work, [&](std::size_t n) { found[n] = examine(*work[n]); });
             collectCrossings(found);
@@ -85,7 +81,8 @@ private:
             });
             work = apply(found, changed);
         }
-        return changed + addCertain();
+        while (const std::size_t added = addCertain()) changed += added;
+        return changed;
     }
 
     using LeafSet = std::unordered_set<Coord>; ///< by origin
