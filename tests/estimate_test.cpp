@@ -148,6 +148,21 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
     EXPECT_EQ(hopeless.status, 5) << hopeless.err;
 }
 
+// The triangles that pictures are traced through are foreseen, and others refused.
+TEST_F(EstimateTest, RenderForeseesItsMesh)
+{
+    sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
+    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "200"});
+    const Ended refused =
+        mpuvdb({"render", "a.vdb", "-o", "o.png", "--size", "80x60", "--max-memory", "38M"});
+    EXPECT_EQ(refused.status, 5) << refused.err;
+    EXPECT_FALSE(std::filesystem::exists(mFolder / "o.png"));
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    EXPECT_NE(refused.err.find("mesh needs about"), std::string::npos) << refused.err;
+#endif
+    EXPECT_EQ(mpuvdb({"render", "a.vdb", "-o", "o.png", "--size", "80x60"}).status, 0);
+}
+
 // Verbs say beforehand what they take: within a factor of two, beside what the program has itself.
 TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
 {
@@ -162,12 +177,10 @@ TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
              {"union", "a.vdb", "b.vdb", "--blend", "15vx"},
              {"morph", "a.vdb", "b.vdb"},
              {"resample", "a.vdb", "--half-width", "30"},
-             {"render", "a.vdb", "--size", "80x60"},
          }) {
         SCOPED_TRACE(verb[0] + " " + verb.back());
         Words free = verb, bound = verb;
-        const std::string made = verb[0] == "render" ? "o.png" : "o.vdb";
-        free.insert(free.end(), {"-o", made, "--report", "r.json"});
+        free.insert(free.end(), {"-o", "o.vdb", "--report", "r.json"});
         ASSERT_EQ(mpuvdb(free).status, 0);
         double peak = 0, read = 0;
         const json report = json::parse(readFile(mFolder / "r.json"));
@@ -175,13 +188,13 @@ TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
             peak = std::max(peak, stage["peak_bytes"].get<double>());
             if (stage["name"] == "read") read = stage["peak_bytes"].get<double>();
         }
-        std::filesystem::remove(mFolder / made);
+        std::filesystem::remove(mFolder / "o.vdb");
         const double limit = read + 0.1 * (peak - read);
         bound.insert(bound.end(),
-                     {"-o", made, "--max-memory", std::to_string(std::uint64_t(limit))});
+                     {"-o", "o.vdb", "--max-memory", std::to_string(std::uint64_t(limit))});
         const Ended refused = mpuvdb(bound);
         EXPECT_EQ(refused.status, 5) << refused.err;
-        EXPECT_FALSE(std::filesystem::exists(mFolder / made));
+        EXPECT_FALSE(std::filesystem::exists(mFolder / "o.vdb"));
         const std::string needs = "needs about ";
         const std::size_t at = refused.err.find(needs);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
