@@ -152,9 +152,9 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
 TEST_F(EstimateTest, RenderForeseesItsMesh)
 {
     sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
-    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "200"});
+    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "350"});
     const Ended refused =
-        mpuvdb({"render", "a.vdb", "-o", "o.png", "--size", "80x60", "--max-memory", "38M"});
+        mpuvdb({"render", "a.vdb", "-o", "o.png", "--size", "80x60", "--max-memory", "95M"});
     EXPECT_EQ(refused.status, 5) << refused.err;
     EXPECT_FALSE(std::filesystem::exists(mFolder / "o.png"));
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
