@@ -5,7 +5,6 @@
 #include <mpuvdb/shape.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <random>
 
@@ -431,33 +430,6 @@ TEST(QueriesTest, Stops)
     expectStops([&](Interrupter& progress) {
         Queries(ball.levelSet).distances(places, distances.data(), &progress);
     });
-}
-
-/// From far away all boxes of triangles are about equally far: what tells them apart is found
-/// without their distance, so that it takes no longer.
-TEST(QueriesTest, VeryFarPlacesTakeNoLonger)
-{
-    const Ball ball(1.0 / 60);
-    const Queries queries(ball.levelSet);
-    std::vector<Vec3d> far = randomPlaces(1, 2000), places(far.size()), closest(far.size());
-    const auto seconds = [&](double distance) {
-        std::transform(far.begin(), far.end(), places.begin(), [&](const Vec3d& p) -> Vec3d {
-            return ball.center + distance * p.normalized();
-        });
-        double least = HUGE_VAL;
-        for (int run = 0; run < 7; ++run) {
-            const auto start = std::chrono::steady_clock::now();
-            queries.closestPoints(places, closest.data());
-            const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-            least = std::min(least, took.count());
-        }
-        for (std::size_t n = 0; n < places.size(); ++n)
-            EXPECT_LT((closest[n] - ball.center - far[n].normalized()).norm(), 0.002);
-        return least;
-    };
-    seconds(10); // the surface is extracted
-    const double near = seconds(10);
-    EXPECT_LT(seconds(1e12), 2.5 * near);
 }
 
 } // namespace

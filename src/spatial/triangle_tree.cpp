@@ -113,20 +113,6 @@ std::uint64_t TriangleTree::bytesFor(std::uint64_t triangles)
     return triangles * sizeof(std::uint32_t) + std::max(sorting, nodes);
 }
 
-TriangleTree::Viewpoint::Viewpoint(const Vec3d& p, const Box& box) : from(p)
-{
-    const Vec3d low = box.min().cast<double>(), high = box.max().cast<double>();
-    const Vec3d nearest = p.cwiseMax(low).cwiseMin(high), to = p - nearest;
-    // From nearer ones the errors of cylinders are less than what is between the boxes' nearest
-    // places and the farthest ones along the way.
-    if (!(Cylinder::kAxisError * to.squaredNorm() > (high - low).squaredNorm()) || !to.allFinite())
-        return;
-    constexpr double kRoundings = 1 - 0x1p-48; ///< [derived: of doubles, a dozen of them]
-    from = nearest;
-    away = to;
-    square = to.squaredNorm() * kRoundings;
-}
-
 void TriangleTree::boundNodes(Interrupter& progress)
 {
     mBoxes.resize(2 * mLeaves);
@@ -237,10 +223,9 @@ double TriangleTree::search(const Vec3d& p, double best, std::size_t& slot) cons
         std::size_t node;
         double distance2;
     };
-    const Viewpoint view(p, mBoxes[1]);
     Entry stack[2 * kMostLevels];
     std::size_t height = 0;
-    stack[height++] = {1, squaredBound(1, view)};
+    stack[height++] = {1, squaredBound(1, p)};
     while (height > 0) {
         const Entry entry = stack[--height];
         if (!(entry.distance2 <= best)) continue;
@@ -254,8 +239,8 @@ double TriangleTree::search(const Vec3d& p, double best, std::size_t& slot) cons
             }
             continue;
         }
-        Entry near = {2 * entry.node, squaredBound(2 * entry.node, view)};
-        Entry far = {2 * entry.node + 1, squaredBound(2 * entry.node + 1, view)};
+        Entry near = {2 * entry.node, squaredBound(2 * entry.node, p)};
+        Entry far = {2 * entry.node + 1, squaredBound(2 * entry.node + 1, p)};
         if (far.distance2 < near.distance2) std::swap(near, far);
         stack[height++] = far;
         stack[height++] = near;

@@ -177,43 +177,21 @@ private:
         Vec3f axis = Vec3f::Zero(); ///< unit, the triangles' mean normal; zero if there is none
         float radius = 0;
         float low = 0, high = 0; ///< along the axis, from the middle
-        /// Relative error of squares, as the axis is a unit vector but for roundings. [derived: of
-        /// floats]
-        static constexpr double kAxisError = 0x1p-19;
 
-        /// A lower bound of the squared distance from @a p + @a away to what is in it, less the
-        /// square of @a away. @param p  from the middle.
-        double squaredDistance(const Vec3d& p, const Vec3d& away) const
+        /// A lower bound of the squared distance from @a p to what is in it. @param p  from the
+        /// middle.
+        double squaredDistance(const Vec3d& p) const
         {
+            /// Factor for an axis that is a unit vector but for roundings. [derived: of floats]
+            constexpr double kRoundings = 1 - 0x1p-19;
             const double along = axis.cast<double>().dot(p);
             const double above = std::max({0.0, double(low) - along, along - double(high)});
             const double across = std::sqrt(std::max(p.squaredNorm() - along * along, 0.0));
             const double beside = std::max(0.0, across - double(radius));
-            const double square = above * above + beside * beside;
-            if (away.isZero(0)) return square * (1 - kAxisError);
-            // No farther that way than the cylinder goes.
-            const double up = axis.cast<double>().dot(away), far2 = away.squaredNorm();
-            const double end = std::max(up * double(low), up * double(high)),
-                         side = double(radius) * std::sqrt(std::max(far2 - up * up, 0.0));
-            const double slack = kAxisError * std::sqrt(far2) *
-                                 (std::max(-double(low), double(high)) + double(radius));
-            const double room = std::max(p.dot(away) - end - side - slack, 0.0);
-            return (square + 2 * room) * (1 - kAxisError);
+            return (above * above + beside * beside) * kRoundings;
         }
     };
 
-    /// A place from which distances are bound. Squares of distances from far away hardly differ: so
-    /// that of the place of all boxes that is nearest is taken from each, and what is left is found
-    /// without it.
-    struct Viewpoint {
-        explicit Viewpoint(const Vec3d& p) : from(p) {}
-        /// @param box  of all triangles.
-        Viewpoint(const Vec3d& p, const Box& box);
-
-        Vec3d from; ///< the place, or where it is far, that of the box nearest to it
-        Vec3d away = Vec3d::Zero(); ///< from there to the place
-        double square = 0;          ///< of that, a lower bound
-    };
     double search(const Vec3d& p, double best, std::size_t& slot) const;
     void sortTriangles(const Mesh& mesh);
     void boundNodes(Interrupter& progress);
@@ -223,20 +201,14 @@ private:
     /// A lower bound of the squared distance from @a p to the triangles below a node.
     double squaredBound(std::size_t node, const Vec3d& p) const
     {
-        return squaredBound(node, Viewpoint{p});
-    }
-    double squaredBound(std::size_t node, const Viewpoint& view) const
-    {
-        const Vec3d lower = mBoxes[node].min().cast<double>() - view.from;
-        const Vec3d upper = view.from - mBoxes[node].max().cast<double>();
+        const Vec3d lower = mBoxes[node].min().cast<double>() - p;
+        const Vec3d upper = p - mBoxes[node].max().cast<double>();
         /// Factor for squares of triangles' distances that roundings make too small. [derived: of
         /// doubles, where a thousandth is left of what is subtracted]
         constexpr double kRoundings = 1 - 0x1p-40;
-        const Vec3d beside = lower.cwiseMax(upper).cwiseMax(0);
-        const double box = kRoundings * beside.dot(beside + 2 * view.away.cwiseAbs());
-        if (node < mFirstCylinder) return view.square + box;
-        return view.square + std::max(box, mCylinders[node - mFirstCylinder].squaredDistance(
-                                               view.from - middle(node), view.away));
+        const double box = kRoundings * lower.cwiseMax(upper).cwiseMax(0).squaredNorm();
+        if (node < mFirstCylinder) return box;
+        return std::max(box, mCylinders[node - mFirstCylinder].squaredDistance(p - middle(node)));
     }
     Vec3d middle(std::size_t node) const
     {
