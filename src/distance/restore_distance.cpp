@@ -37,6 +37,17 @@ constexpr float kTip = 0.5f;
 /// Depth inside the band, voxels, by a neighbor's value, from which on a voxel is added however far
 /// the nearest crossing is. [tuned: sample_field_test]
 constexpr float kCertainDepth = 0.5f;
+/// Smallest upwind gradients that are not examined, of approximate and of computed distances. A
+/// field's errors are coherent: what a lower one let pass would be found later, beside what was
+/// restored, voxel by voxel along an edge. [derived: over the three voxels of a band, the loss adds
+/// up to kAbove]
+constexpr float kMinFieldSlope = 0.93f;
+/// [derived: 0.55 at a corner, rounded down]
+constexpr float kMinSlope = 0.5f;
+/// Times that a field's changed places are examined: what is changed tells on values up to two
+/// voxels farther each time, and a leaf about a region that is sampled alone is examined with it.
+/// [derived: 2 n - 1 voxels, and one more of those added in the end, are eight at most]
+constexpr int kFieldRounds = 4;
 
 class Restorer
 {
@@ -44,6 +55,8 @@ public:
     Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Interrupter& progress)
         : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
+          mMinSlope(from == ValuesFrom::Field ? kMinFieldSlope : kMinSlope),
+          mRounds(from == ValuesFrom::Field ? kFieldRounds : std::numeric_limits<int>::max()),
           mReach((int(std::ceil(mHalfWidth)) + kBlockDim - 1) / kBlockDim)
     {
     }
@@ -72,7 +85,7 @@ private:
     std::uint64_t run(std::vector<Leaf*> work)
     {
         std::uint64_t changed = 0;
-        while (!work.empty()) {
+        for (int round = 0; !work.empty() && round < mRounds; ++round) {
             std::vector<std::vector<Examined>> found(work.size());
             forEach(work, [&](std::size_t n) { found[n] = examine(*work[n]); });
             collectCrossings(found);
@@ -81,7 +94,9 @@ private:
             });
             work = apply(found, changed);
         }
-        while (const std::size_t added = addCertain()) changed += added;
+        std::size_t added = addCertain();
+        for (changed += added; added > 0 && mFrom == ValuesFrom::Distances; changed += added)
+            added = addCertain();
         return changed;
     }
 
@@ -118,7 +133,7 @@ private:
                 const auto inLeaf = openvdb::Index(x * kBlockDim + y);
                 const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
                 RowFlags flags;
-                if (active != 0) flags = examineRow(values, mHalfWidth);
+                if (active != 0) flags = examineRow(values, mHalfWidth, mMinSlope);
                 if (active != 0xff) flags.missing = missingInRow(values, mHalfWidth);
                 flags.suspect |= flags.flat & ~unsigned(exact.getWord<std::uint8_t>(inLeaf));
                 flags.suspect &= active;
@@ -385,7 +400,9 @@ private:
     const std::vector<KnownVoxels>* mKnown = nullptr;
     openvdb::CoordBBox mAmong = openvdb::CoordBBox::inf(); ///< of the leaves that are examined
     float mVoxelSize, mHalfWidth;                          ///< world units; voxels
-    int mReach; ///< leaves that the band reaches, around a voxel's own
+    float mMinSlope;                                       ///< smallest that is not examined
+    int mRounds; ///< largest number of times that changed places are examined
+    int mReach;  ///< leaves that the band reaches, around a voxel's own
     std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
     /// Voxels whose distance to the nearest crossing has been found: it will not change.
     std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;

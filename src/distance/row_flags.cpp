@@ -16,9 +16,9 @@ using Halo = LeafHalo;
 using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
 using Flags = int __attribute__((vector_size(4 * kBlockDim)));
 
-/// Smallest upwind gradient of a distance d, and per voxel of d; lower values are examined.
-/// [derived: at a corner 0.55, and below sqrt(3) voxels 0.318 d; rounded down]
-constexpr float kMinSlope = 0.5f, kMinSlopePerVoxel = 0.3f;
+/// Share of the smallest slope that is not examined, per voxel of the value. [derived: at a corner
+/// 0.318 d of 0.55 below sqrt(3) voxels; rounded up]
+constexpr float kSharePerVoxel = 0.6f;
 constexpr float kMaxSlope = 1.3f; ///< largest slope not examined [tuned: sample_field_test]
 constexpr float kMaxStep = 1.3f;  ///< largest step not examined, voxels [tuned: sample_field_test]
 /// Slopes on both sides from which values are scaled down, and fully. [tuned: noise_bench]
@@ -41,7 +41,7 @@ unsigned missingInRow(const float* row, float halfWidth)
 }
 
 MPUVDB_CLONES
-RowFlags examineRow(const float* row, float halfWidth)
+RowFlags examineRow(const float* row, float halfWidth, float minSlope)
 {
     constexpr const auto& kStride = Halo::kStride;
     const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
@@ -59,8 +59,8 @@ RowFlags examineRow(const float* row, float halfWidth)
         const Lanes rise = a - (a0 < a1 ? a0 : a1);
         slope2 += rise > 0 ? rise * rise : Lanes{};
     }
-    const Lanes perVoxel = kMinSlopePerVoxel * a;
-    const Lanes least = perVoxel < kMinSlope ? perVoxel : Lanes{} + kMinSlope;
+    const Lanes perVoxel = kSharePerVoxel * minSlope * a;
+    const Lanes least = perVoxel < minSlope ? perVoxel : Lanes{} + minSlope;
     const Flags isSteep = slope2 > kMaxSlope * kMaxSlope;
     Lanes highestCorner{};
     for (const int dx : {-kStride[0], kStride[0]}) {

@@ -27,7 +27,8 @@ struct RowFlags {
 unsigned missingInRow(const float* row, float halfWidth);
 
 /// The flags of the row's voxels, as if all were active. Parameters as those of missingInRow().
-RowFlags examineRow(const float* row, float halfWidth);
+/// @param minSlope  the smallest upwind gradient of a voxel that is not flat.
+RowFlags examineRow(const float* row, float halfWidth, float minSlope);
 
 /// The magnitude of a value, voxels, scaled down where values rise by @a slope per voxel. Its
 /// neighbors are scaled alike, so that the surface stays in place.
