@@ -4,6 +4,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -150,6 +151,24 @@ TEST(EstimateNormals, NoiseTakesMoreNeighbors)
     EXPECT_EQ(estimateNormals(clean, {}, &progress).neighbors, 12);
     EXPECT_GT(estimateNormals(noisy, {}, &progress).neighbors, 30);
     EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
+}
+
+// Neighbors at a contact, in a groove or at the rim of a lens take two sheets for one: bodies that
+// hang together there looked inward as a whole. A share of the points is where the sheets are
+// closer than their spacing, about a twelfth of a unit around the contact.
+TEST(EstimateNormals, BodiesThatTouchLookOutwardAll)
+{
+    const double contact = 0.01;
+    for (const char* const apart : {"1", "0.95", "0.92"}) {
+        const std::string solid =
+            fmt::format("union(translate(sphere(1),{0},0,0),translate(sphere(1),-{0},0,0))", apart);
+        for (const double noise : {0.0, 0.004})
+            EXPECT_GT(shareRight(solid, 40000, Pattern::Random, noise), 1 - contact)
+                << solid << " noise " << noise << " seed " << kSeed;
+    }
+    for (const double noise : {0.0, 0.003})
+        EXPECT_GT(shareRight("ellipsoid(1,1,0.06)", 30000, Pattern::Random, noise), 1 - contact)
+            << "noise " << noise << " seed " << kSeed;
 }
 
 // A depth camera tells depths in steps, wider than its points are apart: each step is a flat sheet.

@@ -6,6 +6,7 @@
 #include "points/clean/local_plane.h"
 #include "points/indexed.h"
 #include "spatial/spanning_neighbors.h"
+#include "winding_votes.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -38,6 +39,8 @@ struct PlaneGraph {
     std::vector<Vec3f> normals;
     std::vector<OrientationLink> links;
     std::uint64_t onLines = 0; ///< positions that have no plane
+    std::size_t eachLinks = 0; ///< of a position; the first are those of the first position
+    double noise = 0;          ///< standard deviation of the positions, world units
 };
 
 /// At an edge, the neighbors' plane averages its sides: the plane of a neighbor that lies wholly
@@ -123,6 +126,8 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
         });
     PlaneGraph graph;
     graph.onLines = onLines;
+    graph.eachLinks = links;
+    graph.noise = noise;
     graph.normals.resize(count);
     forEachParallel(count, kNormalGrain, progress, [&](std::size_t i) {
         graph.normals[i] =
@@ -147,6 +152,36 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     return graph;
 }
 
+/// Turn those of the normals that are @a turned; once more turns them back.
+void turn(std::vector<Vec3f>& normals, const std::vector<char>& turned)
+{
+    for (std::size_t i = 0; i < normals.size(); ++i)
+        if (turned[i]) normals[i] = -normals[i];
+}
+
+/// Of each position the area of the surface that is nearest to it, world units squared: of the disc
+/// about its neighbors, among those that look to its side.
+std::vector<float> areasOf(const std::vector<Vec3f>& positions, const PlaneGraph& graph)
+{
+    std::vector<float> areas(positions.size());
+    const std::size_t each = graph.eachLinks;
+    const auto noise = float(graph.noise);
+    tbb::parallel_for(std::size_t(0), positions.size(), [&](std::size_t i) {
+        float farthest2 = 0;
+        int same = 0;
+        for (std::size_t k = i * each; k < (i + 1) * each; ++k) {
+            const std::uint32_t q = graph.links[k].a == i ? graph.links[k].b : graph.links[k].a;
+            farthest2 = std::max(farthest2, (positions[q] - positions[i]).squaredNorm());
+            same += graph.normals[q].dot(graph.normals[i]) > 0;
+        }
+        // Of a ball, a layer of points takes less than a disc. [derived: two points of it are so
+        // far apart in depth, on average]
+        const float depth2 = std::min(2 * noise * noise, farthest2 / 2);
+        areas[i] = float(M_PI) * (farthest2 - depth2) / float(std::max(same, 1));
+    });
+    return areas;
+}
+
 /// Turn the normals of each part to one side: towards the scanners, or else outward.
 /// @param toScanner  of each position the unit direction to its scanner, zero without; or empty.
 void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toScanner,
@@ -162,15 +197,27 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toSca
         seen.b = scanners;
         graph.links.push_back(seen);
     }
-    const Orientation found =
-        solveOrientation(positions.size() + 1, std::move(graph.links), progress);
-    for (std::uint32_t i = 0; i < positions.size(); ++i)
-        if (found.turned[i]) graph.normals[i] = -graph.normals[i];
-    std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
-    const std::uint32_t seen = found.parts[scanners];
+    Orientation found = solveOrientation(positions.size() + 1, graph.links, progress);
+    const std::vector<std::uint32_t> parts = std::move(found.parts);
+    turn(graph.normals, found.turned);
+    // Neighbors at a contact or a thin rim can join bodies the wrong way round, which the winding
+    // number sees from afar: each time less of them, or it does not tell.
+    for (std::size_t before = positions.size();;) {
+        WindingVotes votes = windingVotes({positions, graph.normals, parts},
+                                          areasOf(positions, graph), graph.noise, progress);
+        if (votes.against == 0 || votes.against >= before) break;
+        before = votes.against;
+        for (OrientationLink& l : votes.links)
+            if (found.turned[l.a]) l.vote = -l.vote;
+        turn(graph.normals, found.turned);
+        found = solveOrientation(votes.nodes, graph.links, progress, votes.links);
+        turn(graph.normals, found.turned);
+    }
+    std::vector<char> inward = findInwardParts({positions, graph.normals, parts}, progress);
+    const std::uint32_t seen = parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];
     forEachParallel(positions.size(), kNormalGrain, progress, [&](std::size_t i) {
-        if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
+        if (inward[parts[i]]) graph.normals[i] = -graph.normals[i];
     });
 }
 

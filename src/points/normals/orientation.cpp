@@ -1,6 +1,5 @@
 #include "orientation.h"
 
-#include "core/release.h"
 #include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_sort.h>
@@ -224,15 +223,15 @@ OrientationLink linkAcrossSheets(std::uint32_t a, std::uint32_t b, const Vec3f& 
             std::max(a, b)};
 }
 
-Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
-                             Interrupter& progress)
+Orientation solveOrientation(std::size_t nodes, const std::vector<OrientationLink>& links,
+                             Interrupter& progress, const std::vector<OrientationLink>& known)
 {
     Forest forest(nodes);
+    for (const OrientationLink& l : known) forest.join(l.a, l.b, l.vote < 0);
     joinSure(links, forest, progress);
     std::vector<PatchLink> between;
     for (const OrientationLink& l : links)
         if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
-    release(links);
     PatchJoiner(nodes, forest, progress).run(between);
     Orientation result;
     result.parts.resize(nodes);

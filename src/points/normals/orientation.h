@@ -38,7 +38,8 @@ struct Orientation {
 /// Turn nodes so that links agree. Sure links join nodes one by one, the surest first; what then
 /// are patches is joined by the sum of all links between two, so that a few wrong ones do not turn
 /// a whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
-Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
-                             Interrupter& progress);
+/// @param known  links that join before all others, whatever these say.
+Orientation solveOrientation(std::size_t nodes, const std::vector<OrientationLink>& links,
+                             Interrupter& progress, const std::vector<OrientationLink>& known = {});
 
 } // namespace mpuvdb
