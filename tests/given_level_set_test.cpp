@@ -7,8 +7,10 @@
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/Dense.h>
+#include <openvdb/tools/SignedFloodFill.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace mpuvdb
 {
@@ -53,7 +55,7 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 {
     std::vector<std::string> notes;
     try {
-        requireDistances(levelSetFromGrid(grid, notes), "The cure.");
+        distancesFromGrid(grid, "The cure.", notes);
         ADD_FAILURE() << "was taken";
     } catch (const InputError& e) {
         const std::string text = e.what();
@@ -65,8 +67,7 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 std::vector<std::string> expectTaken(const FloatGrid::Ptr& grid, const LevelSet& like)
 {
     std::vector<std::string> notes;
-    const LevelSet taken = levelSetFromGrid(grid, notes);
-    EXPECT_NO_THROW(requireDistances(taken, ""));
+    const LevelSet taken = distancesFromGrid(grid, "", notes);
     EXPECT_NEAR(taken.halfWidth(), like.halfWidth(), 1e-4);
     EXPECT_TRUE(taken.grid().tree().hasSameTopology(like.grid().tree()));
     for (auto on = like.grid().cbeginValueOn(); on; ++on)
@@ -96,18 +97,16 @@ TEST(GivenLevelSet, OfOursIsTheSame)
     for (const double halfWidth : {1.5, 3.0, 12.0}) {
         const LevelSet own = ball(halfWidth);
         std::vector<std::string> notes;
-        const LevelSet taken = levelSetFromGrid(own.gridPtr(), notes);
+        const LevelSet taken = distancesFromGrid(own.gridPtr(), "", notes);
         EXPECT_EQ(&taken.grid(), &own.grid());
         EXPECT_TRUE(notes.empty());
-        EXPECT_NO_THROW(requireDistances(taken, ""));
     }
     Interrupter progress;
     const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centered, &progress);
     std::vector<std::string> notes;
-    EXPECT_EQ(&levelSetFromGrid(thin.gridPtr(), notes).grid(), &thin.grid());
-    EXPECT_NO_THROW(requireDistances(thin, ""));
+    EXPECT_EQ(&distancesFromGrid(thin.gridPtr(), "", notes).grid(), &thin.grid());
     const LevelSet nothing = emptyLevelSet({Vec3d::Zero(), kVoxel}, 3);
-    EXPECT_NO_THROW(requireDistances(levelSetFromGrid(nothing.gridPtr(), notes), ""));
+    EXPECT_NO_THROW(distancesFromGrid(nothing.gridPtr(), "", notes));
     EXPECT_TRUE(notes.empty());
 }
 
@@ -144,21 +143,97 @@ TEST(GivenLevelSet, KeepsOneWidthWhereItHasTwo)
     EXPECT_EQ(expectTaken(grid, own).size(), 1u);
 }
 
-TEST(GivenLevelSet, WithoutDistancesIsRefused)
+/// A truncated field: an array of distances up to @a clip voxels, with a band that promises
+/// @a promised. As far as @a reach voxels values are active.
+FloatGrid::Ptr clippedBall(double clip, double promised, double reach)
 {
-    for (const double scale : {1 / kVoxel, 0.1, 0.5, 2.0}) {
-        const FloatGrid::Ptr grid = copyOf(ball());
-        grid->tree().root().setBackground(float(scale * grid->background()), false);
-        for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        expectRefused(grid, "not distances in world units");
+    const FloatGrid::Ptr grid = FloatGrid::create(float(promised * kVoxel));
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(kVoxel));
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName("surface");
+    auto at = grid->getAccessor();
+    for (auto c = openvdb::CoordBBox(Coord(-28), Coord(28)).begin(); c; ++c) {
+        const double d = (*c).asVec3d().length() - 1 / kVoxel;
+        if (std::abs(d) < reach) at.setValueOn(*c, float(std::clamp(d, -clip, clip) * kVoxel));
     }
-    // Filters and motions elsewhere change slopes by a few tenths.
-    for (const double scale : {0.75, 1.3}) {
-        const FloatGrid::Ptr grid = copyOf(ball());
-        grid->tree().root().setBackground(float(scale * grid->background()), false);
-        for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        EXPECT_NO_THROW(requireDistances(LevelSet(grid), ""));
+    openvdb::tools::signedFloodFill(grid->tree());
+    return grid;
+}
+
+/// The largest difference of a value from the distance to a ball, voxels.
+double worstOf(const LevelSet& levelSet, double radius)
+{
+    double worst = 0;
+    for (auto on = levelSet.grid().cbeginValueOn(); on; ++on)
+        worst = std::max(worst, std::abs(*on / kVoxel - on.getCoord().asVec3d().length() + radius));
+    return worst;
+}
+
+/// A zero set between voxels is known by planes: over a cell they are off by its diagonal squared
+/// over eight radii.
+double planeError(double radius)
+{
+    return 3 / (8 * radius);
+}
+
+TEST(GivenLevelSet, EndsWhereItsValuesAreClipped)
+{
+    const double radius = 1 / kVoxel;
+    for (const double clip : {2.0, 2.9, 3.0})
+        for (const double promised : {clip + 0.002, clip + 0.1, clip + 1, 6.0, 20.0})
+            for (const double reach : {clip + 2, 50.0}) {
+                std::vector<std::string> notes;
+                const LevelSet taken =
+                    distancesFromGrid(clippedBall(clip, promised, reach), "", notes);
+                EXPECT_NEAR(taken.halfWidth(), clip, 1e-5) << promised;
+                EXPECT_EQ(notes.size(), 1u) << promised;
+                EXPECT_TRUE(check(taken.grid()).sound()) << promised;
+                const LevelSet grown = offset(taken, 4 * kVoxel);
+                EXPECT_TRUE(check(grown.grid()).sound()) << promised;
+                EXPECT_LT(worstOf(grown, radius + 4), planeError(radius)) << promised;
+            }
+    // A plate's middle is no plateau, wherever it lies among leaves.
+    Interrupter progress;
+    SampleSettings settings;
+    settings.lattice.voxelSize = 1;
+    for (int shift = 0; shift < 16; ++shift) {
+        settings.lattice.origin = Vec3d::Constant(0.5 * shift);
+        const LevelSet plate =
+            sampleField(*makeSolidField(parseSolid("box(30, 30, 4)")), settings, &progress);
+        std::vector<std::string> notes;
+        EXPECT_EQ(&distancesFromGrid(plate.gridPtr(), "", notes).grid(), &plate.grid()) << shift;
     }
+}
+
+/// Scale the values of @a levelSet and its background.
+FloatGrid::Ptr scaled(const LevelSet& levelSet, double scale)
+{
+    const FloatGrid::Ptr grid = copyOf(levelSet);
+    grid->tree().root().setBackground(float(scale * grid->background()), false);
+    for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
+    return grid;
+}
+
+TEST(GivenLevelSet, IsMeasuredAnewWhereCheckFindsNoDistances)
+{
+    const double radius = 1 / kVoxel;
+    for (const double halfWidth : {3.0, 10.0})
+        for (const double scale : {1 / kVoxel, 0.1, 0.5, 0.65, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0}) {
+            const FloatGrid::Ptr grid = scaled(ball(halfWidth), scale);
+            std::vector<std::string> notes;
+            const LevelSet taken = distancesFromGrid(grid, "", notes);
+            if (std::abs(scale - 1) < kGradientTolerance) {
+                EXPECT_EQ(&taken.grid(), grid.get()) << scale;
+                continue;
+            }
+            ASSERT_FALSE(notes.empty()) << scale;
+            EXPECT_NE(notes.back().find("not distances in world units"), std::string::npos);
+            EXPECT_TRUE(check(taken.grid()).sound()) << scale;
+            EXPECT_LT(worstOf(taken, radius), planeError(radius)) << scale;
+            EXPECT_GE(taken.halfWidth(), 3 - 1e-5);
+            EXPECT_LE(taken.halfWidth(), halfWidth + 1e-5);
+            EXPECT_LT(worstOf(offset(taken, 0.3), radius + 6), planeError(radius)) << scale;
+        }
 }
 
 TEST(GivenLevelSet, WithoutABandIsRefused)
@@ -176,7 +251,8 @@ TEST(GivenLevelSet, WithoutABandIsRefused)
     // What check() only complains of is taken.
     const FloatGrid::Ptr hole = copyOf(ball());
     for (int z = -1; z <= 1; ++z) hole->tree().setValueOff(Coord(20, 0, z));
-    EXPECT_NO_THROW(requireDistances(LevelSet(hole), ""));
+    std::vector<std::string> notes;
+    EXPECT_NO_THROW(distancesFromGrid(hole, "", notes));
 }
 
 TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
@@ -187,11 +263,8 @@ TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
     settings.lattice.origin = Vec3d::Constant(0.5);
     const LevelSet cube =
         sampleField(*makeSolidField(parseSolid("box(16, 16, 16)")), settings, &progress);
-    EXPECT_NO_THROW(requireDistances(cube, ""));
-    const FloatGrid::Ptr steep = copyOf(cube);
-    steep->tree().root().setBackground(10 * steep->background(), false);
-    for (auto v = steep->beginValueAll(); v; ++v) v.setValue(10 * *v);
-    expectRefused(steep, "change by 1");
+    EXPECT_TRUE(hasSlopesOfDistances(cube));
+    EXPECT_FALSE(hasSlopesOfDistances(LevelSet(scaled(cube, 10))));
 }
 
 } // namespace

@@ -2,6 +2,9 @@
 #pragma once
 #include <mpuvdb/level_set.h>
 
+#include <string>
+#include <vector>
+
 namespace mpuvdb
 {
 
@@ -19,6 +22,14 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth,
 /// @throws UsageError (half-width), LimitError (number of voxels beside the surface), Interrupted.
 LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth,
                     Interrupter* interrupter = nullptr);
+
+/// A level set of @a grid whose values are distances: as levelSetFromGrid() takes it, measured anew
+/// by redistance() where hasSlopesOfDistances() says that they are none.
+/// @param cure  last sentence of an error's text. @param notes  what was mended is appended.
+/// @throws InputError as levelSetFromGrid() and requireBand(), LimitError as redistance(),
+/// Interrupted.
+LevelSet distancesFromGrid(const openvdb::FloatGrid::ConstPtr& grid, const std::string& cure,
+                           std::vector<std::string>& notes, Interrupter* interrupter = nullptr);
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
 /// exact distance to the surface minus @a distance. An empty level set if nothing is left.

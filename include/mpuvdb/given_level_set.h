@@ -14,8 +14,9 @@ class Interrupter;
 /// in which
 /// - active tiles and active values of the background's magnitude or more are inactive, as dense
 ///   arrays clipped to the band have them,
-/// - the background is the half-width that the band has, where it exceeds that by more than two
-///   voxels, or is less than 1.5 voxels of a wider band,
+/// - values clipped below the background are inactive: they are no distances,
+/// - the background is the half-width that the band has, where values are clipped there, where it
+///   exceeds that by more than two voxels, or is less than 1.5 voxels of a wider band,
 /// - inactive values are plus or minus the background,
 /// - it is empty where no value is negative.
 /// @param notes  a note is appended if the half-width changes, or the surface is none.
@@ -27,11 +28,13 @@ LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<
 /// or tile, where there is no distance; else empty. @throws Interrupted.
 std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
-/// Require that the values of @a levelSet are roughly distances; check() is stricter.
-/// @param cure  last sentence of the error's text: how to make distances of them.
-/// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
-/// [2/3, 3/2], or if missingBand() finds more than one in ten faces; Interrupted.
-void requireDistances(const LevelSet& levelSet, const std::string& cure,
-                      Interrupter* interrupter = nullptr);
+/// @param cure  last sentence of the error's text.
+/// @throws InputError if missingBand() finds more than one in ten faces; Interrupted.
+void requireBand(const LevelSet& levelSet, const std::string& cure,
+                 Interrupter* interrupter = nullptr);
+
+/// Whether check() takes the values of @a levelSet for distances by their slopes. @throws
+/// Interrupted.
+bool hasSlopesOfDistances(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

@@ -120,7 +120,7 @@ void writeVolumeLayer(const std::filesystem::path& file, const std::vector<Volum
 
 /// The checks of a level set that is read.
 enum class Validation {
-    Distances, ///< values have to be distances, see requireDistances()
+    Distances, ///< values become distances where they are none, as by distancesFromGrid()
     SignsOnly  ///< any values with the right zero set
 };
 

@@ -2,9 +2,11 @@
 #include "leaf_check.h"
 #include "transform_lattice.h"
 #include <mpuvdb/error.h>
+#include <mpuvdb/given_level_set.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
@@ -18,6 +20,7 @@ namespace
 
 using openvdb::Coord;
 using Tree = openvdb::FloatTree;
+using Leaf = Tree::LeafNodeType;
 
 /// Tolerance of values saved as half floats, relative. [derived: 11 significant bits, two
 /// roundings]
@@ -134,6 +137,37 @@ FaultTallies checkTiles(const openvdb::FloatGrid& grid, const CheckLimits& limit
     return tallies;
 }
 
+std::vector<const Leaf*> leavesWithin(const openvdb::FloatGrid& grid,
+                                      const openvdb::CoordBBox& within)
+{
+    std::vector<const Leaf*> leaves;
+    grid.tree().getNodes(leaves);
+    const auto isBeyond = [&](const Leaf* leaf) {
+        return !isWellWithin(leaf->origin(), Leaf::DIM, within);
+    };
+    leaves.erase(std::remove_if(leaves.begin(), leaves.end(), isBeyond), leaves.end());
+    return leaves;
+}
+
+/// Error of the slopes of values, the better side's: inside a wall thinner than the band there is
+/// no full slope. Infinite without any.
+struct SlopeError {
+    double mean = std::numeric_limits<double>::infinity(); ///< of ||grad| - 1|
+    double least = mean; ///< the least that the mean of distances everywhere may be
+};
+
+SlopeError slopeErrorOf(const FaultTallies& tallies, const SideSums& steepness)
+{
+    SlopeError error;
+    for (std::size_t side : {0, 1}) {
+        const auto n = double(tallies.gradients[side]);
+        if (!(n > 0)) continue;
+        error.mean = std::min(error.mean, steepness[side] / n);
+        error.least = std::min(error.least, steepness[side] / n - kMeanUncertainty / std::sqrt(n));
+    }
+    return error;
+}
+
 /// The text of a finding.
 std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& report)
 {
@@ -200,30 +234,50 @@ CheckReport check(const openvdb::FloatGrid& grid, double gradientTolerance,
     const double voxelSize = latticeOf(grid.transform())->voxelSize;
     const CheckLimits limits = limitsOf(grid, voxelSize, gradientTolerance);
     SideSums steepness = {};
-    FaultTallies tallies = checkLeaves(grid, limits, within, steepness, progress);
+    const std::vector<const Leaf*> leaves = leavesWithin(grid, within);
+    const auto units = double(std::max<std::size_t>(leaves.size(), 1));
+    progress.beginStage("check", units);
+    FaultTallies tallies = checkLeaves(grid, leaves, limits, steepness, progress, units);
     tallies.join(checkTiles(grid, limits, within, progress));
     progress.endStage();
 
     report.bandInside = -tallies.lowest / voxelSize;
     report.bandOutside = tallies.highest / voxelSize;
     report.maxGradientError = tallies.maxSteepness;
-    // The better side counts: inside a wall thinner than the band there is no full slope.
-    double mean = std::numeric_limits<double>::infinity(), least = mean;
-    for (std::size_t side : {0, 1}) {
-        const auto n = double(tallies.gradients[side]);
-        if (!(n > 0)) continue;
-        mean = std::min(mean, steepness[side] / n);
-        least = std::min(least, steepness[side] / n - kMeanUncertainty / std::sqrt(n));
-    }
-    if (std::isfinite(mean)) report.meanGradientError = mean;
+    const SlopeError slopes = slopeErrorOf(tallies, steepness);
+    if (std::isfinite(slopes.mean)) report.meanGradientError = slopes.mean;
     for (std::size_t n = 0; n < kFaults; ++n) {
         const auto fault = Fault(n);
         const FaultTally& tally = tallies[fault];
         if (tally.count == 0) continue;
-        if (fault == Fault::Steepness && least <= gradientTolerance) continue;
+        if (fault == Fault::Steepness && slopes.least <= gradientTolerance) continue;
         report.findings.push_back({describe(fault, limits, report), tally.voxel, tally.count});
     }
     return report;
+}
+
+bool hasSlopesOfDistances(const LevelSet& levelSet, Interrupter* interrupter)
+{
+    /// Leaves to look at first. [free: they only tell where all need be looked at]
+    constexpr std::size_t kSampledLeaves = 128;
+    /// Largest mean error of these with which all are distances: that of as many numbers in [0, 1]
+    /// errs by 0.5 / sqrt(128) at most, one standard deviation. [derived: half the tolerance]
+    constexpr double kMaxSampled = kGradientTolerance / 2;
+    Interrupter& progress = orSilent(interrupter);
+    const openvdb::FloatGrid& grid = levelSet.grid();
+    const CheckLimits limits = limitsOf(grid, levelSet.voxelSize(), kGradientTolerance);
+    const auto errorOf = [&](const std::vector<const Leaf*>& leaves) {
+        SideSums steepness = {};
+        const FaultTallies tallies = checkLeaves(grid, leaves, limits, steepness, progress);
+        return slopeErrorOf(tallies, steepness);
+    };
+    const std::vector<const Leaf*> all = leavesWithin(grid, openvdb::CoordBBox::inf());
+    const std::size_t stride = all.size() / kSampledLeaves + 1;
+    std::vector<const Leaf*> some;
+    for (std::size_t n = 0; n < all.size(); n += stride) some.push_back(all[n]);
+    if (errorOf(some).mean <= kMaxSampled) return true;
+    const SlopeError error = errorOf(all);
+    return !std::isfinite(error.mean) || error.least <= kGradientTolerance;
 }
 
 } // namespace mpuvdb

@@ -1,10 +1,10 @@
 #include <mpuvdb/given_level_set.h>
 
 #include "band_limits.h"
-#include "block_parts.h"
-#include "core/lanes.h"
+#include "core/clones.h"
 #include "core/quantile.h"
 #include "has_inside.h"
+#include "leaf_words.h"
 #include "prune.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -23,84 +23,13 @@ namespace mpuvdb
 namespace
 {
 
-using openvdb::Coord;
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
-using Leaf = FloatTree::LeafNodeType;
+using Leaf = FloatLeaf;
 
 /// Difference from the background, relative to it, up to which a value is the background.
 /// [derived: eighty roundings of a float]
 constexpr float kRounding = 1e-5f;
-constexpr int kLast = int(Leaf::DIM) - 1; ///< last voxel along an axis [derived: the leaf's edge]
-
-const Coord kSteps[3] = {Coord(1, 0, 0), Coord(0, 1, 0), Coord(0, 0, 1)};
-
-/// Bits of a leaf's voxels, as its masks have them.
-using Words = SignWords;
-
-/// A direction along an axis.
-struct Toward {
-    int axis, step; ///< step is 1 or -1
-
-    /// The bits of @a words at the neighbors of the voxels with x-coordinate @a x in this leaf.
-    std::uint64_t of(const Words& words, int x) const
-    {
-        const auto n = std::size_t(x);
-        if (axis == 0) return hasNeighbor(x) ? words[n + std::size_t(step)] : 0;
-        const int shift = axis == 1 ? 8 : 1;
-        return step > 0 ? words[n] >> shift : words[n] << shift;
-    }
-    /// The voxels whose neighbor in that direction lies in this leaf.
-    std::uint64_t within(int x) const
-    {
-        if (axis == 0) return hasNeighbor(x) ? ~std::uint64_t(0) : 0;
-        if (axis == 1) return ~(step > 0 ? kLastY : kFirstY);
-        return ~(step > 0 ? kLastZ : kFirstZ);
-    }
-
-private:
-    bool hasNeighbor(int x) const { return x + step >= 0 && x + step <= kLast; }
-};
-
-const Toward kFaces[6] = {{0, -1}, {0, 1}, {1, -1}, {1, 1}, {2, -1}, {2, 1}};
-
-using Lanes = float __attribute__((vector_size(sizeof(float) * Leaf::DIM)));
-
-/// The voxels whose values satisfy @a f, which takes eight at once.
-template <typename F>
-Words wordsOf(const Leaf& leaf, const F& f)
-{
-    Words words{};
-    const float* const values = leaf.buffer().data();
-    for (unsigned row = 0; row < Leaf::SIZE / Leaf::DIM; ++row)
-        words[row / Leaf::DIM] |= std::uint64_t(bitsOf(f(lanesAt<Lanes>(values + row * Leaf::DIM))))
-                                  << (row % Leaf::DIM * Leaf::DIM);
-    return words;
-}
-
-Words insideOf(const Leaf& leaf)
-{
-    return wordsOf(leaf, [](const Lanes& v) { return v < 0; });
-}
-
-Words activeOf(const Leaf& leaf)
-{
-    Words words;
-    for (std::size_t x = 0; x < words.size(); ++x)
-        words[x] = leaf.getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
-    return words;
-}
-
-template <typename F>
-void forEachBit(std::uint64_t word, const F& f)
-{
-    for (; word; word &= word - 1) f(__builtin_ctzll(word));
-}
-
-int bitsIn(std::uint64_t word)
-{
-    return __builtin_popcountll(word);
-}
 
 std::vector<const Leaf*> leavesOf(const FloatTree& tree)
 {
@@ -118,41 +47,73 @@ std::vector<float> joined(const std::vector<std::vector<float>>& parts)
     return all;
 }
 
+/// Largest magnitudes of active values outside and inside.
+struct Extremes {
+    float outside = 0, inside = 0;
+
+    void join(const Extremes& other)
+    {
+        outside = std::max(outside, other.outside);
+        inside = std::max(inside, other.inside);
+    }
+};
+
+MPUVDB_CLONES Extremes extremesOf(const Leaf& leaf, const SignWords& active)
+{
+    using Flags = std::int32_t __attribute__((vector_size(sizeof(LeafLanes))));
+    const Flags bits{1, 2, 4, 8, 16, 32, 64, 128};
+    LeafLanes highest{}, lowest{};
+    for (int row = 0; row < int(Leaf::SIZE / Leaf::DIM); ++row) {
+        const auto on = std::int32_t(active[std::size_t(row / 8)] >> row % 8 * 8 & 0xff);
+        if (on == 0) continue;
+        auto v = lanesAt<LeafLanes>(leaf.buffer().data() + row * int(Leaf::DIM));
+        if (on != 0xff) v = (bits & on) != 0 ? v : LeafLanes{};
+        highest = v > highest ? v : highest;
+        lowest = v < lowest ? v : lowest;
+    }
+    Extremes extremes;
+    for (int n = 0; n < int(Leaf::DIM); ++n) extremes.join({highest[n], -lowest[n]});
+    return extremes;
+}
+
 /// Counts that show how wide a band is.
 struct Band {
     std::uint64_t active = 0,
-                  beyond = 0; ///< active voxels; those of them at the background or beyond
-    std::uint64_t odd = 0;    ///< inactive voxels of another value than the background's
-    std::vector<float> rims;  ///< magnitudes of the values where the band ends
+                  beyond = 0;       ///< active voxels; those of them at the background or beyond
+    std::uint64_t odd = 0;          ///< inactive voxels of another value than the background's
+    std::vector<float> rims;        ///< magnitudes of the values where the band ends
+    std::vector<Extremes> extremes; ///< by leaf
 };
 
-Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress)
+Band measureBand(const FloatTree& tree, const std::vector<const Leaf*>& leaves, float limit,
+                 const Interrupter& progress)
 {
-    const std::vector<const Leaf*> leaves = leavesOf(tree);
     const float background = tree.background();
     std::vector<Band> bands(leaves.size());
     std::vector<std::vector<float>> rims(leaves.size());
+    std::vector<Extremes> extremes(leaves.size());
     tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
         progress.check();
         const Leaf& leaf = *leaves[n];
         Band& band = bands[n];
-        const Words inside = insideOf(leaf);
-        const Words active = activeOf(leaf);
-        Words inBand = wordsOf(leaf, [&](const Lanes& v) { return magnitude(v) < limit; });
-        const Words usual = wordsOf(leaf, [&](const Lanes& v) {
+        const SignWords inside = insideOf(leaf);
+        const SignWords active = activeOf(leaf);
+        SignWords inBand = wordsOf(leaf, [&](const LeafLanes& v) { return magnitude(v) < limit; });
+        const SignWords usual = wordsOf(leaf, [&](const LeafLanes& v) {
             return magnitude(magnitude(v) - background) <= kRounding * background;
         });
         for (std::size_t x = 0; x < inBand.size(); ++x) {
             inBand[x] &= active[x];
             band.odd += std::uint64_t(bitsIn(~active[x] & ~usual[x]));
         }
+        extremes[n] = extremesOf(leaf, active);
         band.active = leaf.onVoxelCount();
         band.beyond = band.active;
-        for (int x = 0; x <= kLast; ++x) {
+        for (int x = 0; x <= kLastInLeaf; ++x) {
             const std::uint64_t own = inBand[std::size_t(x)], sign = inside[std::size_t(x)];
             band.beyond -= std::uint64_t(bitsIn(own));
             std::uint64_t ends = 0;
-            for (const Toward& to : kFaces)
+            for (const Toward& to : kTowardFaces)
                 ends |= own & to.within(x) & ~to.of(inBand, x) & ~(sign ^ to.of(inside, x));
             forEachBit(ends, [&](int bit) {
                 rims[n].push_back(std::abs(leaf.getValue(openvdb::Index(64 * x + bit))));
@@ -166,6 +127,7 @@ Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress
         whole.odd += band.odd;
     }
     whole.rims = joined(rims);
+    whole.extremes = std::move(extremes);
     return whole;
 }
 
@@ -181,6 +143,49 @@ std::optional<double> measuredWidth(Band& band, double voxelSize)
     const double most = quantile(band.rims, 1) / voxelSize;
     return std::min(std::ceil(kStepsPerVoxel * most), std::floor(kStepsPerVoxel * (least + 1))) /
            kStepsPerVoxel;
+}
+
+/// Whether some voxel of @a leaf and its neighbors, which are on all axes, lie at @a most (outside
+/// 1, inside -1) as far as they are active: no distance has such a voxel.
+bool isFlatAt(const Leaf& leaf, float most, float side)
+{
+    const SignWords active = activeOf(leaf);
+    SignWords at = wordsOf(leaf, [&](const LeafLanes& v) { return v * side >= most; });
+    for (std::size_t x = 0; x < at.size(); ++x) at[x] &= active[x];
+    for (int x = 1; x < kLastInLeaf; ++x) {
+        std::uint64_t flat = at[std::size_t(x)];
+        for (int axis = 0; axis < 3; ++axis) {
+            std::uint64_t some = 0;
+            for (const Toward& to : {Toward{axis, -1}, Toward{axis, 1}}) {
+                const std::uint64_t there = to.of(active, x);
+                some |= there;
+                flat &= to.within(x) & ~(there & ~to.of(at, x));
+            }
+            flat &= some;
+        }
+        if (flat) return true;
+    }
+    return false;
+}
+
+/// The magnitude at which values are clipped: the largest one of a side, where it does not change
+/// from voxel to voxel; of two sides the smaller one.
+std::optional<float> clippedAt(const std::vector<const Leaf*>& leaves,
+                               const std::vector<Extremes>& extremes)
+{
+    Extremes whole;
+    for (const Extremes& part : extremes) whole.join(part);
+    const auto isFlat = [&](float most, float side, float Extremes::*of) {
+        const float least = most * (1 - kRounding);
+        for (std::size_t n = 0; n < leaves.size(); ++n)
+            if (extremes[n].*of >= least && isFlatAt(*leaves[n], least, side)) return most > 0;
+        return false;
+    };
+    std::optional<float> clipped;
+    if (isFlat(whole.outside, 1, &Extremes::outside)) clipped = whole.outside;
+    if (isFlat(whole.inside, -1, &Extremes::inside))
+        clipped = std::min(clipped.value_or(whole.inside), whole.inside);
+    return clipped;
 }
 
 bool hasActiveTiles(const FloatTree& tree)
@@ -209,165 +214,6 @@ FloatGrid::Ptr cutOff(const FloatGrid& grid, float background)
     return made;
 }
 
-/// Append the lengths of the gradient in the active voxels of @a leaf beside the zero set. Each
-/// axis counts with its steeper side, so that the middle of a thin wall is as steep as its sides.
-void addSlopes(const Leaf& leaf, FloatGrid::ConstAccessor& at, double voxelSize,
-               std::vector<float>& slopes)
-{
-    for (auto on = leaf.cbeginValueOn(); on; ++on) {
-        const Coord voxel = on.getCoord();
-        bool crossed = false, whole = true;
-        double square = 0;
-        for (const Coord& step : kSteps) {
-            double steepest = -1;
-            for (const Coord& beside : {voxel - step, voxel + step}) {
-                float value = 0;
-                if (!at.probeValue(beside, value)) continue;
-                crossed |= (value < 0) != (*on < 0);
-                steepest = std::max(steepest, std::abs(double(value) - double(*on)) / voxelSize);
-            }
-            whole &= steepest >= 0;
-            square += steepest * steepest;
-        }
-        if (crossed && whole) slopes.push_back(float(std::sqrt(square)));
-    }
-}
-
-/// The median slope beside the zero set in a sample of the leaves; 1 where there is none.
-double medianSlope(const FloatGrid& grid, double voxelSize, const Interrupter& progress)
-{
-    /// Leaves to sample: several thousand slopes. [tuned: given_level_set_test]
-    constexpr std::size_t kSampledLeaves = 128;
-    std::vector<const Leaf*> leaves = leavesOf(grid.tree());
-    const auto isUncrossed = [&](const Leaf* leaf) {
-        progress.check();
-        const float* const values = leaf->buffer().data();
-        return std::all_of(values, values + Leaf::SIZE, [](float v) { return v < 0; }) ||
-               std::none_of(values, values + Leaf::SIZE, [](float v) { return v < 0; });
-    };
-    const bool isFew = leaves.size() <= kSampledLeaves; // a face may lie between leaves
-    if (!isFew)
-        leaves.erase(std::remove_if(leaves.begin(), leaves.end(), isUncrossed), leaves.end());
-    const std::size_t stride = leaves.size() / kSampledLeaves + 1;
-    std::vector<std::vector<float>> found(leaves.size());
-    tbb::parallel_for(std::size_t(0), (leaves.size() + stride - 1) / stride, [&](std::size_t n) {
-        FloatGrid::ConstAccessor at = grid.getConstAccessor();
-        addSlopes(*leaves[n * stride], at, voxelSize, found[n]);
-    });
-    std::vector<float> slopes = joined(found);
-    return slopes.empty() ? 1 : quantile(slopes, 0.5);
-}
-
-/// Faces between inside and outside voxels.
-struct Faces {
-    std::uint64_t all = 0, open = 0; ///< open: beside an inactive voxel
-    Coord first;                     ///< voxel at the first open face
-
-    void add(const Coord& at, bool isOpen, std::uint64_t count = 1)
-    {
-        all += count;
-        if (!isOpen) return;
-        if (open == 0 || at < first) first = at;
-        open += count;
-    }
-    void join(const Faces& other)
-    {
-        if (other.open > 0 && (open == 0 || other.first < first)) first = other.first;
-        all += other.all;
-        open += other.open;
-    }
-};
-
-/// Faces of @a leaf's voxels towards higher coordinates, and towards tiles.
-Faces facesOf(const Leaf& leaf, FloatGrid::ConstAccessor& at)
-{
-    Faces faces;
-    const Words inside = insideOf(leaf), on = activeOf(leaf);
-    const Coord origin = leaf.origin();
-    for (int x = 0; x <= kLast; ++x)
-        for (int axis = 0; axis < 3; ++axis) {
-            const Toward to{axis, 1};
-            const auto n = std::size_t(x);
-            const std::uint64_t crossed = (inside[n] ^ to.of(inside, x)) & to.within(x);
-            const std::uint64_t open = crossed & ~(on[n] & to.of(on, x));
-            faces.all += std::uint64_t(bitsIn(crossed));
-            if (open == 0) continue;
-            const int first = __builtin_ctzll(open);
-            faces.add(origin.offsetBy(x, first >> 3, first & 7), true, std::uint64_t(bitsIn(open)));
-            faces.all -= std::uint64_t(bitsIn(open));
-        }
-    for (const Toward& to : kFaces) {
-        Coord beyond = origin;
-        beyond[to.axis] += to.step * int(Leaf::DIM);
-        const Leaf* const beside = at.probeConstLeaf(beyond);
-        if (beside && to.step < 0) continue; // that leaf counts them
-        const float tile = beside ? 0 : at.getValue(beyond);
-        const bool isTileOn = !beside && at.isValueOn(beyond);
-        const int u = (to.axis + 1) % 3, v = (to.axis + 2) % 3;
-        Coord own, other;
-        own[to.axis] = to.step > 0 ? kLast : 0;
-        other[to.axis] = kLast - own[to.axis];
-        for (own[u] = 0; own[u] <= kLast; ++own[u])
-            for (own[v] = 0; own[v] <= kLast; ++own[v]) {
-                other[u] = own[u];
-                other[v] = own[v];
-                const openvdb::Index i = Leaf::coordToOffset(own), j = Leaf::coordToOffset(other);
-                const float next = beside ? beside->getValue(j) : tile;
-                if ((leaf.getValue(i) < 0) == (next < 0)) continue;
-                const bool isOn = beside ? beside->isValueOn(j) : isTileOn;
-                faces.add(origin + own, !(isOn && leaf.isValueOn(i)));
-            }
-    }
-    return faces;
-}
-
-/// Faces between tiles, each judged by a corner of the inside tile.
-Faces facesOfTiles(const FloatGrid& grid)
-{
-    Faces faces;
-    auto at = grid.getConstAccessor();
-    auto tile = grid.tree().cbeginValueAll();
-    tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
-    for (; tile; ++tile) {
-        if (!(*tile < 0)) continue;
-        const openvdb::CoordBBox box = tile.getBoundingBox();
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int end : {box.min()[axis] - 1, box.max()[axis] + 1}) {
-                Coord beside = box.min();
-                beside[axis] = end;
-                if (at.probeConstLeaf(beside) || at.getValue(beside) < 0) continue;
-                const auto dim = std::uint64_t(box.dim()[axis]);
-                faces.add(box.min(), true, dim * dim);
-            }
-    }
-    return faces;
-}
-
-Faces facesOf(const FloatGrid& grid, const Interrupter& progress)
-{
-    const std::vector<const Leaf*> leaves = leavesOf(grid.tree());
-    std::vector<Faces> parts(leaves.size());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 64),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          progress.check();
-                          FloatGrid::ConstAccessor at = grid.getConstAccessor();
-                          for (std::size_t n = range.begin(); n < range.end(); ++n)
-                              parts[n] = facesOf(*leaves[n], at);
-                      });
-    Faces faces = facesOfTiles(grid);
-    for (const Faces& part : parts) faces.join(part);
-    return faces;
-}
-
-std::string openFacesText(const LevelSet& levelSet, const Faces& faces)
-{
-    return fmt::format(
-        "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
-        "faces (first at voxel {}, {}, {})",
-        levelSet.grid().getName(), faces.open, faces.all, faces.first.x(), faces.first.y(),
-        faces.first.z());
-}
-
 } // namespace
 
 LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
@@ -391,49 +237,29 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
         return emptyLevelSet(given.lattice(), std::clamp(promised, kMinHalfWidth, kMaxHalfWidth),
                              grid->getName());
     }
-    const float background = grid->background();
+    const float background = grid->background(), limit = background * (1 - kRounding);
+    const std::vector<const Leaf*> leaves = leavesOf(grid->tree());
     const bool hasTiles = hasActiveTiles(grid->tree());
-    Band band = measureBand(grid->tree(), background * (1 - kRounding), progress);
+    Band band = measureBand(grid->tree(), leaves, limit, progress);
     const bool isFull = hasTiles || double(band.beyond) > kMaxBeyond * double(band.active);
-    if (isFull && promised < kMinHalfWidth) // the values beyond it are the band
-        band = measureBand(grid->tree(), std::numeric_limits<float>::max(), progress);
+    const bool isNarrow = isFull && promised < kMinHalfWidth; // the values beyond it are the band
+    if (isNarrow)
+        band = measureBand(grid->tree(), leaves, std::numeric_limits<float>::max(), progress);
     const std::optional<double> measured = measuredWidth(band, h);
+    const std::optional<float> clipped = clippedAt(leaves, band.extremes);
     progress.check();
-    if (measured && *measured >= 1 &&
-        (promised > *measured + kMaxExcess || (promised < kMinHalfWidth && isFull))) {
+    std::optional<double> held; // half-width
+    if (clipped && (*clipped < limit || isNarrow))
+        held = *clipped / h;
+    else if (measured && (promised > *measured + kMaxExcess || isNarrow))
+        held = measured;
+    if (held && *held >= 1) {
         notes.push_back(fmt::format("grid '{}': its background promises a band of {:.4g} voxels, "
                                     "and there are {:.4g}: the background was set to {:.4g}",
-                                    grid->getName(), promised, *measured, *measured * h));
-        return LevelSet(cutOff(*grid, float(*measured * h)));
+                                    grid->getName(), promised, *held, *held * h));
+        return LevelSet(cutOff(*grid, float(*held * h)));
     }
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
-}
-
-std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter)
-{
-    const Faces faces = facesOf(levelSet.grid(), orSilent(interrupter));
-    return faces.open > 0 ? openFacesText(levelSet, faces) : std::string();
-}
-
-void requireDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
-{
-    Interrupter& progress = orSilent(interrupter);
-    /// Median slopes of distances, as far as they may be filtered or moved elsewhere. [derived: an
-    /// offset errs by half of its distance at most]
-    constexpr double kMinSlope = 2.0 / 3, kMaxSlope = 1.5;
-    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
-    constexpr double kMaxOpen = 0.1;
-    const FloatGrid& grid = levelSet.grid();
-    const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
-    if (!(slope >= kMinSlope && slope <= kMaxSlope))
-        throw InputError(
-            fmt::format("grid '{}': its values are not distances in world units: beside "
-                        "the surface they change by {:.3g} per unit, where a distance "
-                        "changes by 1. {}",
-                        grid.getName(), slope, cure));
-    const Faces faces = facesOf(grid, progress);
-    if (double(faces.open) > kMaxOpen * double(faces.all))
-        throw InputError(fmt::format("{}. {}", openFacesText(levelSet, faces), cure));
 }
 
 } // namespace mpuvdb

@@ -287,18 +287,11 @@ private:
 
 } // namespace
 
-FaultTallies checkLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         const openvdb::CoordBBox& within, SideSums& steepness,
-                         Interrupter& progress)
+FaultTallies checkLeaves(const openvdb::FloatGrid& grid,
+                         const std::vector<const openvdb::FloatTree::LeafNodeType*>& leaves,
+                         const CheckLimits& limits, SideSums& steepness, Interrupter& progress,
+                         double units)
 {
-    std::vector<const Leaf*> leaves;
-    grid.tree().getNodes(leaves);
-    leaves.erase(std::remove_if(leaves.begin(), leaves.end(),
-                                [&](const Leaf* leaf) {
-                                    return !isWellWithin(leaf->origin(), Leaf::DIM, within);
-                                }),
-                 leaves.end());
-    progress.beginStage("check", double(std::max<std::size_t>(leaves.size(), 1)));
     std::vector<SideSums> sums(leaves.size());
     const FaultTallies tallies = tbb::parallel_reduce(
         tbb::blocked_range<std::size_t>(0, leaves.size(), 64), FaultTallies{},
@@ -309,7 +302,7 @@ FaultTallies checkLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limi
                 progress.check();
                 sums[n] = neighborhood.check(*leaves[n], part);
             }
-            progress.advance(double(range.size()));
+            progress.advance(units * double(range.size()) / double(leaves.size()));
             return part;
         },
         [](FaultTallies a, const FaultTallies& b) {

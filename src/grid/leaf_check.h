@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <openvdb/openvdb.h>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -83,10 +84,11 @@ inline bool isWellWithin(const openvdb::Coord& origin, int dim, const openvdb::C
            within.isInside(openvdb::CoordBBox(origin.offsetBy(-1), origin.offsetBy(dim)));
 }
 
-/// Check all leaves well within @a within; @a steepness becomes the sums of ||grad| - 1|, added up
-/// in the leaves' order. Begins the stage "check". @throws Interrupted.
-FaultTallies checkLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         const openvdb::CoordBBox& within, SideSums& steepness,
-                         Interrupter& progress);
+/// Check @a leaves of @a grid; @a steepness becomes the sums of ||grad| - 1|, added up in the
+/// leaves' order. @param units  by which the running stage advances. @throws Interrupted.
+FaultTallies checkLeaves(const openvdb::FloatGrid& grid,
+                         const std::vector<const openvdb::FloatTree::LeafNodeType*>& leaves,
+                         const CheckLimits& limits, SideSums& steepness, Interrupter& progress,
+                         double units = 0);
 
 } // namespace mpuvdb

@@ -30,11 +30,8 @@ namespace
 LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Interrupter& progress)
 {
     std::vector<std::string> notes;
-    LevelSet levelSet = levelSetFromGrid(grid, notes, &progress);
-    requireDistances(levelSet,
-                     "Make distances: LevelSet.isosurface(source, 0, "
-                     "inside='below')",
-                     &progress);
+    LevelSet levelSet = distancesFromGrid(
+        grid, "Make distances: LevelSet.isosurface(source, 0, inside='below')", notes, &progress);
     for (const std::string& text : notes) progress.note(text);
     return levelSet;
 }
@@ -80,8 +77,8 @@ void bindFiles(LevelSetClass& levelSets)
             },
             "file"_a, "grid"_a = py::none(),
             "Read the level set called grid from a .vdb file; None: 'surface', or the only one.\n\n"
-            "Raises InputError where its values are no distances at all. A background that "
-            "promises more than the band holds is mended, with a UserWarning.")
+            "A background that promises more than the band holds, and values that check() does not "
+            "take for distances, are mended, with a UserWarning.")
         .def(
             "write",
             [](const LevelSet& levelSet, const std::filesystem::path& file,
@@ -107,14 +104,18 @@ void bindArrays(LevelSetClass& levelSets)
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
                double voxelSize, double halfWidth) {
                 return run(py::none(), [&](Interrupter& p) {
-                    return taken(levelSetOf(values, origin, voxelSize, halfWidth, p).gridPtr(), p);
+                    const LevelSet asked = levelSetOf(values, origin, voxelSize, halfWidth, p);
+                    const LevelSet made = taken(asked.gridPtr(), p);
+                    return made.halfWidth() < asked.halfWidth()
+                               ? withHalfWidth(made, asked.halfWidth(), &p)
+                               : made;
                 });
             },
             "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "The level set of a block (nx, ny, nz) of signed distances, world units, negative "
             "inside; values[0, 0, 0] lies at origin. The solid must not meet the block's border. "
-            "Values that are no distances at all are refused; whether they are true ones is for "
-            "check() to tell.")
+            "Values that are clipped within the band, or that check() does not take for distances, "
+            "are measured anew from the surface, with a UserWarning.")
         .def(
             "to_pyopenvdb", [](const LevelSet& s) { return toPyOpenVdb(s.grid()); },
             "A FloatGrid of OpenVDB's own Python module, with the same voxels and transform.")
@@ -127,8 +128,9 @@ void bindArrays(LevelSetClass& levelSets)
             "grid"_a,
             "The level set of a FloatGrid of OpenVDB's own Python module.\n\n"
             "Raises InputError unless it has the class level set, uniform voxels, a positive "
-            "background and finite values, and where these are no distances at all. A background "
-            "that promises more than the band holds is mended, with a UserWarning.");
+            "background, finite values and a band between inside and outside. A background that "
+            "promises more than the band holds, and values that check() does not take for "
+            "distances, are mended, with a UserWarning.");
 }
 
 void bindIsosurface(LevelSetClass& levelSets)

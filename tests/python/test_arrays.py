@@ -292,11 +292,42 @@ class Dense(ShapeTest):
             with self.assertRaisesRegex(mv.UsageError, "half-width"):
                 mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 1, half_width=half_width)
 
-    def test_what_is_no_distance_is_refused(self):
+    def test_what_is_no_distance_is_measured_anew(self):
         i, j, k = np.indices((41, 41, 41)) - 20
         voxels = np.sqrt(i**2 + j**2 + k**2) - 10
-        with self.assertRaisesRegex(mv.InputError, "not distances .*isosurface"):
-            mv.LevelSet.from_numpy(voxels, (0, 0, 0), 0.05, half_width=60)
+        with self.assertWarnsRegex(UserWarning, "not distances .* measured anew"):
+            anew = mv.LevelSet.from_numpy(voxels, (0, 0, 0), 0.05, half_width=60)
+        self.assert_sound(anew)
+        self.assertAlmostEqual(anew.half_width, 60, places=4)
+        for scale in (0.7, 1.4):
+            with self.assertWarnsRegex(UserWarning, "measured anew"):
+                anew = mv.LevelSet.from_numpy(voxels * scale, (0, 0, 0), 1, half_width=6)
+            grown = anew.offset(3).measure().volume
+            # Along a chord between crossings planes are off by 3 / 8 R, voxels.
+            self.assertAlmostEqual((grown * 0.75 / math.pi) ** (1 / 3), 13, delta=3 / 80)
+
+    def test_clipped_values_end_the_band(self):
+        i, j, k = np.indices((41, 41, 41)) - 20
+        ball = np.sqrt(i**2 + j**2 + k**2) - 10
+        for clip in (2, 2.9, 3):
+            for half_width in (3, 3.01, 6):
+                if clip == half_width:
+                    continue
+                with self.assertWarnsRegex(UserWarning, f"there are {clip}"):
+                    made = mv.LevelSet.from_numpy(
+                        np.clip(ball, -clip, clip), (0, 0, 0), 1, half_width=half_width
+                    )
+                self.assertAlmostEqual(made.half_width, half_width, places=5)
+                self.assert_sound(made)
+                for distance in (4, -4):
+                    volume = made.offset(distance).measure().volume
+                    radius = (volume * 0.75 / math.pi) ** (1 / 3)
+                    # Planes between crossings are off by 3 / 8 R, voxels; R is 6 at least.
+                    self.assertAlmostEqual(radius, 10 + distance, delta=3 / 48)
+
+    def test_isosurface_makes_distances(self):
+        i, j, k = np.indices((41, 41, 41)) - 20
+        voxels = np.sqrt(i**2 + j**2 + k**2) - 10
         mended = mv.LevelSet.isosurface(voxels, 0, inside="below", voxel_size=0.05)
         self.assert_sound(mended)
         # The same values are distances where a voxel is a unit.
@@ -371,8 +402,9 @@ class LevelSets(ShapeTest):
 
     def test_findings(self):
         values, origin = self.ball.to_numpy()
-        squashed = mv.LevelSet.from_numpy(np.pad(0.75 * values, 1, constant_values=1), origin, 0.05)
-        report = squashed.check()
+        values[np.unravel_index(np.argmin(abs(values - 0.05)), values.shape)] = 0.15
+        pierced = mv.LevelSet.from_numpy(np.pad(values, 1, constant_values=1), origin, 0.05)
+        report = pierced.check()
         self.assertFalse(report)
         self.assertTrue(report.findings[0].what)
         self.assertEqual(len(report.findings[0].voxel), 3)

@@ -1,4 +1,5 @@
 // Level sets and other grids from .vdb files.
+#include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/given_level_set.h>
 #include <mpuvdb/interrupter.h>
@@ -155,14 +156,15 @@ LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Validation 
 {
     try {
         std::vector<std::string> said;
+        const auto given = openvdb::gridPtrCast<FloatGrid>(grid);
         LevelSet levelSet =
-            levelSetFromGrid(openvdb::gridPtrCast<FloatGrid>(grid), said, interrupter);
-        if (validation == Validation::Distances)
-            requireDistances(levelSet,
-                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
-                                         "--value 0 --inside below -o surface.vdb",
-                                         file.string(), grid->getName()),
-                             interrupter);
+            validation == Validation::SignsOnly
+                ? levelSetFromGrid(given, said, interrupter)
+                : distancesFromGrid(given,
+                                    fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
+                                                "--value 0 --inside below -o surface.vdb",
+                                                file.string(), grid->getName()),
+                                    said, interrupter);
         for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
         return levelSet;
     } catch (const InputError& e) {
