@@ -180,6 +180,34 @@ TEST(Repair, CopiesCountOnce)
     EXPECT_THROW(voxelize(bothSides, settingsOf(.05), &progress), InputError);
 }
 
+/// Faces that are there for both sides in a part of a surface count once, too; those that part a
+/// solid's cells bound nothing.
+TEST(Repair, FacesForBothSidesCountOnce)
+{
+    const Mesh ball = test::ballPart(1, 10);
+    Interrupter progress;
+    const LevelSet plain = voxelize(ball, settingsOf(.05), &progress);
+    for (const double from : {.9, .3, -.5}) {
+        Mesh partly = ball;
+        for (const Mesh::Triangle& t : ball.triangles)
+            if (partly.world(t[0])[2] > from) partly.triangles.push_back({t[0], t[2], t[1]});
+        expectSame(repaired(partly, .05), plain);
+        try {
+            voxelize(partly, settingsOf(.05), &progress);
+            FAIL() << "faces cancel";
+        } catch (const InputError& error) {
+            EXPECT_NE(std::string(error.what()).find("for both sides"), std::string::npos)
+                << error.what();
+        }
+    }
+    // Two boxes side by side, each with its own face between them.
+    const Mesh left = test::boxPart(Vec3d(-.6, -.5, -.4), Vec3d(0, .5, .4)),
+               right = test::boxPart(Vec3d(0, -.5, -.4), Vec3d(.6, .5, .4));
+    const Mesh cells = test::soupOf({left, right});
+    expectSame(repaired(cells, .05), voxelize(cells, settingsOf(.05), &progress));
+    EXPECT_EQ(repairOf(repaired(cells, .05)).innerWalls, 0u);
+}
+
 TEST(Repair, TurnsHalvesAndWholeShells)
 {
     const Mesh ball = test::ballPart(1, 10);

@@ -127,6 +127,7 @@ public:
             (times != 0 ? kept : cancelled).push_back({sorted[first].second, times});
         }
         if (mCopies == Copies::Merge) mergeCopies(kept, cancelled);
+        if (mCopies == Copies::Add) mOf.cancelled = cancelled.size();
         std::sort(kept.begin(), kept.end());
         mOf.copies = triangles.size() - kept.size();
         keep(kept);
@@ -135,22 +136,59 @@ public:
 private:
     using Kept = std::pair<std::uint32_t, std::int32_t>; ///< the first copy; how often it counts
 
-    /// Count each once, and keep those that cancel where nothing else of their part is kept.
+    /// Count each once. Those that cancel stay, too, unless they only part what is closed without
+    /// them, as faces between the cells of a volume mesh do.
     void mergeCopies(std::vector<Kept>& kept, const std::vector<Kept>& cancelled) const
     {
-        const std::vector<Mesh::Triangle>& triangles = mOf.mesh.triangles;
         for (auto& [n, times] : kept) times = times > 0 ? 1 : -1;
-        UnionFind parts(mOf.mesh.positions.size()); // of vertices
-        for (const std::vector<Kept>* some : {&std::as_const(kept), &cancelled})
-            for (const auto& [n, times] : *some) {
-                parts.join(triangles[n][0], triangles[n][1]);
-                parts.join(triangles[n][0], triangles[n][2]);
-            }
-        std::vector<std::uint8_t> isKept(mOf.mesh.positions.size(), 0);
-        for (const auto& [n, times] : kept) isKept[parts.find(triangles[n][0])] = 1;
-        for (const auto& [n, times] : cancelled)
-            if (!isKept[parts.find(triangles[n][0])])
-                kept.push_back({n, runsUpward(triangles[n]) ? 1 : -1});
+        const std::vector<std::uint8_t> isNeeded = neededOf(cancelled, kept);
+        for (std::size_t n = 0; n < cancelled.size(); ++n)
+            if (isNeeded[n])
+                kept.push_back({cancelled[n].first,
+                                runsUpward(mOf.mesh.triangles[cancelled[n].first]) ? 1 : -1});
+    }
+
+    /// What an edge of triangles that cancel tells of their part.
+    struct Border {
+        std::uint32_t part = kNoTriangle; ///< another triangle of it
+        double closes = 0; ///< length that it closes or ends at, negative if closed without it
+    };
+
+    /// Whether each of @a cancelled triangles is in a part that closes more than it parts.
+    std::vector<std::uint8_t> neededOf(const std::vector<Kept>& cancelled,
+                                       const std::vector<Kept>& kept) const
+    {
+        const auto count = std::uint32_t(cancelled.size());
+        if (count == 0) return {};
+        std::vector<Mesh::Triangle> all;
+        all.reserve(cancelled.size() + kept.size());
+        for (const std::vector<Kept>* some : {&cancelled, &kept})
+            for (const auto& [n, times] : *some) all.push_back(mOf.mesh.triangles[n]);
+        std::vector<Border> borders(3 * cancelled.size());
+        EdgeTable(all, mOf.mesh.positions.size())
+            .forEachEdge([&](const HalfEdge* first, const HalfEdge* last) {
+                const HalfEdge* mid = first; // copies that cancel come first
+                for (; mid != last && mid->triangle < count; ++mid)
+                    borders[3 * mid->triangle + mid->corner].part = first->triangle;
+                if ((mid - first) % 2 == 0) return;
+                const bool isFree = mid == last, isOpen = isFree || (last - mid) % 2 == 1;
+                if (isFree && mid - first > 1) return;
+                const double length = lengthOf(all[first->triangle], first->corner);
+                borders[3 * first->triangle + first->corner].closes = isOpen ? length : -length;
+            });
+        UnionFind parts(count);
+        for (std::uint32_t n = 0; n < borders.size(); ++n) parts.join(n / 3, borders[n].part);
+        std::vector<double> closed(count, 0);
+        for (std::uint32_t n = 0; n < borders.size(); ++n)
+            closed[parts.find(n / 3)] += borders[n].closes;
+        std::vector<std::uint8_t> isNeeded(count);
+        for (std::uint32_t n = 0; n < count; ++n) isNeeded[n] = closed[parts.find(n)] >= 0;
+        return isNeeded;
+    }
+
+    double lengthOf(const Mesh::Triangle& t, std::size_t k) const
+    {
+        return double((mOf.mesh.positions[t[(k + 1) % 3]] - mOf.mesh.positions[t[k]]).norm());
     }
 
     /// Whether its corners are a cyclic shift of ascending ones.

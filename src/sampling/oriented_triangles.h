@@ -22,8 +22,9 @@ struct OrientedTriangles {
     std::vector<std::array<std::uint32_t, 3>> neighbors;
     /// Edges whose triangles do not cancel along them: the boundary of holes, and T-junctions.
     std::uint64_t openEdges = 0;
-    std::uint64_t turned = 0; ///< triangles turned to face as their neighbors do
-    std::uint64_t copies = 0; ///< triangles left out for others with the same corners
+    std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
+    std::uint64_t copies = 0;    ///< triangles left out for others with the same corners
+    std::uint64_t cancelled = 0; ///< of these, places of which no triangle is left
 
     bool isClosed() const { return openEdges == 0; }
 };
@@ -31,8 +32,8 @@ struct OrientedTriangles {
 /// How triangles with the same corners count.
 enum class Copies {
     Add, ///< by their number, and those of opposite directions cancel
-    /// Once. Those of opposite directions cancel, too, but stay where all of a part does: a surface
-    /// that was written for both its sides.
+    /// Once. Those of opposite directions stay as well: a surface that was written for both its
+    /// sides, unless the rest is closed without it, as where they part the cells of a volume mesh.
     Merge
 };
 

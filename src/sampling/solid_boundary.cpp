@@ -161,6 +161,7 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     mReport.openEdges = mTriangles.openEdges;
     mReport.turned = mTriangles.turned;
     if (mTriangles.mesh.triangles.empty()) return;
+    mReport.cancelled = mTriangles.cancelled;
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
     mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
     mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles);

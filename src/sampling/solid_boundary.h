@@ -41,6 +41,7 @@ public:
         double areaWithin = 0;           ///< of triangles inside the solid
         double areaOfNothing = 0;        ///< of parts that face inward and lie in no other
         std::uint64_t copies = 0;        ///< triangles left out for others with the same corners
+        std::uint64_t cancelled = 0;     ///< faces that were there for both sides
         std::uint64_t turnedPatches = 0; ///< by repair
         std::uint64_t sheets = 0;        ///< patches that enclose nothing, to be thickened
         double sheetArea = 0;            ///< of these

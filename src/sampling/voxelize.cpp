@@ -193,11 +193,15 @@ void requireNoHole(const std::optional<WayThrough>& way, const SolidBoundary& so
 {
     if (!way) return;
     const Vec3d at = way->at + frame;
+    const std::uint64_t both = solid.report().cancelled;
+    const std::string cancelled =
+        both == 0 ? ""
+                  : fmt::format(", and {} faces cancel, as they are there for both sides", both);
     throw InputError(fmt::format(
         "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside ({} "
-        "of its edges bound holes). Repair it (--repair closes holes), use larger voxels, or "
-        "reconstruct a surface from its points",
-        at[0], at[1], at[2], solid.report().openEdges));
+        "of its edges bound holes{}). Repair it (--repair closes holes and merges faces), use "
+        "larger voxels, or reconstruct a surface from its points",
+        at[0], at[1], at[2], solid.report().openEdges, cancelled));
 }
 
 /// A mesh's solid, and the band about its boundary.
