@@ -306,6 +306,41 @@ TEST(Repair, OpenSurfacesBecomeWallsOnRequest)
     EXPECT_THROW(repaired(square, h, settings), UsageError);
 }
 
+/// A fin of two triangles that a box holds in part: what is outside is a wall, wherever the middles
+/// of the triangles are.
+TEST(Repair, FinsBecomeWallsWhereTheyStickOut)
+{
+    const Vec3d half(.5, .5, .5);
+    const double h = .05, thickness = .15, depth = .8;
+    RepairSettings settings;
+    settings.thickness = thickness;
+    for (const auto& [low, high] : std::vector<std::pair<double, double>>{
+             {0, .4}, {0, .75}, {-.3, .8}, {0, 1.2}, {-.8, .8}, {-.7, 1.3}, {0, 3}}) {
+        Mesh fin;
+        for (const int n : {0, 1, 2, 3})
+            fin.positions.push_back(
+                Vec3d(.013, n & 1 ? high : low, n & 2 ? depth / 2 : -depth / 2).cast<float>());
+        fin.triangles = {{0, 1, 3}, {0, 3, 2}};
+        const LevelSet solid =
+            repaired(test::soupOf({test::boxPart(-half, half), fin}), h, settings);
+        test::expectSound(solid);
+        const bool sticksOut = high > half[1];
+        EXPECT_EQ(repairOf(solid).sheets, sticksOut ? 1u : 0u) << low << " " << high;
+        EXPECT_EQ(repairOf(solid).innerWalls, sticksOut ? 0u : 1u) << low << " " << high;
+        const test::Deviation found = test::deviation(solid, [&](const Vec3d& p) {
+            const double y = p[1] - std::clamp(p[1], low, high),
+                         z = std::max(std::abs(p[2]) - depth / 2, 0.0);
+            const double wall = Vec3d(p[0] - float(.013), y, z).norm() - thickness / 2;
+            return std::min(boxDistance(p, half), wall);
+        });
+        EXPECT_EQ(found.wrongSigns, 0u) << low << " " << high;
+        const double outside =
+            (std::max(high - half[1], 0.0) + std::max(-half[1] - low, 0.0)) * depth;
+        // Pieces of a voxel go with their middles, at most two voxels along each root.
+        EXPECT_NEAR(repairOf(solid).sheetsArea, outside, 2 * h * depth) << low << " " << high;
+    }
+}
+
 TEST(Repair, WavesLowerThanAVoxelBecomeWalls)
 {
     const double h = .03, thickness = .17, height = .3 * h, middle = kOrigin[2] + h / 2;

@@ -24,8 +24,8 @@ constexpr double kFlat = 0.01;
 constexpr double kAlong = 0.5;
 /// Distance from a whole number that is nearer to it than to a half. [derived: half of that]
 constexpr double kNearWhole = 0.25;
-/// Triangles of a patch whose sides are measured, the largest. [derived: means within 1/4, the
-/// limit of sheets, from values within 1/2 of each other]
+/// Places of a patch whose sides are measured, on its largest triangles. [derived: means within
+/// 1/4, the limit of sheets, from values within 1/2 of each other]
 constexpr std::size_t kMeasured = 16;
 
 /// Finds the patches and turns them.
@@ -231,10 +231,14 @@ private:
                               largest.end());
             double sum = 0, area = 0, ofWalls = 0;
             for (std::size_t k = 0; k < count; ++k) {
-                const double own = -largest[k].first, mean = sidesMean(winding, largest[k].second);
-                sum += own * mean;
-                area += own;
-                if (std::abs(mean - std::round(mean)) < kNearWhole) ofWalls += own;
+                const Places places = placesOn(largest[k].second, mPatches.isWall[patch], count);
+                for (const Vec3d& place : places) {
+                    const double own = -largest[k].first / double(places.size()),
+                                 mean = sidesMean(winding, largest[k].second, place);
+                    sum += own * mean;
+                    area += own;
+                    if (std::abs(mean - std::round(mean)) < kNearWhole) ofWalls += own;
+                }
             }
             if (area > 0) mPatches.enclosed[patch] = sum / area;
             if (ofWalls <= area / 2) mPatches.isWall[patch] = 0;
@@ -242,15 +246,29 @@ private:
         mLargest = {};
     }
 
-    /// The mean of the winding numbers on the sides of triangle @a n.
-    double sidesMean(const WindingNumber& winding, std::uint32_t n) const
+    using Places = std::vector<Vec3d>;
+
+    /// Where the sides of triangle @a n are measured: in its middle; if it is one of @a few of an
+    /// open patch, also about that, as a surface may pass there.
+    Places placesOn(std::uint32_t n, bool isOpen, std::size_t few) const
+    {
+        constexpr std::size_t kPlaces = 4; ///< on a triangle [derived: the middle, three about it]
+        const Vec3d middle = (corner(n, 0) + corner(n, 1) + corner(n, 2)) / 3;
+        Places places{middle};
+        for (std::size_t k = 0; k < 3 && isOpen && kPlaces * few <= kMeasured; ++k)
+            places.push_back((middle + corner(n, k)) / 2);
+        return places;
+    }
+
+    /// The mean of the winding numbers on the sides of triangle @a n at @a place.
+    double sidesMean(const WindingNumber& winding, std::uint32_t n, const Vec3d& place) const
     {
         /// Distance from the triangle, of its size. [derived: roundings of floats, thousandfold]
         constexpr double kStep = 1e-4;
-        const Vec3d area = areaVector(n), middle = (corner(n, 0) + corner(n, 1) + corner(n, 2)) / 3;
+        const Vec3d area = areaVector(n);
         if (!(area.norm() > 0)) return 0;
         const Vec3d step = kStep / std::sqrt(area.norm()) * area;
-        return (winding.at(middle + step) + winding.at(middle - step)) / 2;
+        return (winding.at(place + step) + winding.at(place - step)) / 2;
     }
 
     /// Turn groups of patches before which the winding number is higher than behind them.

@@ -3,6 +3,7 @@
 #include "core/union_find.h"
 #include "mesh_holes.h"
 #include "mesh_patches.h"
+#include "outer_walls.h"
 #include "solid_faces.h"
 #include <mpuvdb/interrupter.h>
 
@@ -160,8 +161,8 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     if (repair) repairPatches(lattice, *repair, progress);
     mReport.openEdges = mTriangles.openEdges;
     mReport.turned = mTriangles.turned;
-    if (mTriangles.mesh.triangles.empty()) return;
     mReport.cancelled = mTriangles.cancelled;
+    if (mTriangles.mesh.triangles.empty()) return;
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
     mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
     mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles);
@@ -208,30 +209,31 @@ void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& 
     if (mTriangles.mesh.triangles.empty()) return;
     const MeshPatches patches = turnPatches(mTriangles, lattice.voxelSize, progress);
     mReport.turnedPatches = patches.turned;
-    Mesh rest, sheets;
-    rest.frame = mTriangles.mesh.frame;
-    rest.positions = sheets.positions = mTriangles.mesh.positions;
-    std::vector<std::uint8_t> isCounted(patches.enclosed.size(), 0);
+    const bool thickens = repair.thickness > 0;
+    Mesh rest, walls;
+    rest.frame = walls.frame = mTriangles.mesh.frame;
+    rest.positions = walls.positions = mTriangles.mesh.positions;
+    std::vector<std::uint32_t> ofWalls; // patches
     for (std::uint32_t n = 0; n < patches.patchOf.size(); ++n) {
         const std::uint32_t patch = patches.patchOf[n];
-        const Mesh::Triangle& t = mTriangles.mesh.triangles[n];
-        const bool isSheet = repair.thickness > 0 && patches.isSheet(patch);
-        if (!isSheet && !patches.isInnerWall(patch)) {
-            rest.triangles.push_back(t);
-            continue;
-        }
-        if (!isCounted[patch]) ++(isSheet ? mReport.sheets : mReport.innerWalls);
-        isCounted[patch] = 1;
-        const double area =
-            areaOf({rest.positions[t[0]], rest.positions[t[1]], rest.positions[t[2]]});
-        (isSheet ? mReport.sheetArea : mReport.areaWithin) += area;
-        if (isSheet) sheets.triangles.push_back(t);
+        const bool isWall = thickens ? patches.isWall[patch] : patches.isInnerWall(patch);
+        (isWall ? walls : rest).triangles.push_back(mTriangles.mesh.triangles[n]);
+        if (isWall) ofWalls.push_back(patch);
     }
-    if (!sheets.triangles.empty()) mSheets = std::make_unique<const TriangleTree>(sheets, progress);
-    if (mReport.sheets + mReport.innerWalls == 0) return;
+    if (walls.triangles.empty()) return;
     const std::uint64_t turned = mTriangles.turned;
     mTriangles = orientTriangles(rest, Copies::Merge, progress);
     mTriangles.turned = turned;
+    const OuterWalls outer = outerWalls(walls, mTriangles, lattice.voxelSize, progress);
+    std::vector<std::uint8_t> kinds(patches.enclosed.size(), 0); // 1: of a wall, 2: outside
+    for (std::size_t n = 0; n < ofWalls.size(); ++n)
+        kinds[ofWalls[n]] |= std::uint8_t(thickens && outer.hasOutside[n] ? 2 : 1);
+    for (const std::uint8_t kind : kinds)
+        if (kind) ++(kind & 2 ? mReport.sheets : mReport.innerWalls);
+    mReport.areaWithin += outer.areaWithin;
+    if (!thickens || outer.mesh.triangles.empty()) return;
+    mReport.sheetArea += outer.areaOutside;
+    mSheets = std::make_unique<const TriangleTree>(outer.mesh, progress);
 }
 
 void SolidBoundary::makeSheet()
