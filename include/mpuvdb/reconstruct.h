@@ -108,6 +108,10 @@ struct ReconstructResult {
 /// Sample the field, and hold the level set against its points. @throws as sampleField().
 ReconstructResult sampleFit(const FittedPoints& fitted, Interrupter* interrupter = nullptr);
 
+/// What was measured and what the settings came to, as metadata of a written grid: names
+/// ("mpuvdb:tolerance") to texts, with the library's version.
+std::map<std::string, std::string> metadataOf(const ReconstructReport& report);
+
 /// Points in memory to a level set. Equal points in one order and equal options give equal bytes,
 /// for any number of threads.
 /// @throws UsageError (options out of range, attributes of another number than the points),

@@ -100,13 +100,17 @@ void bindReconstruction(py::module_& module)
             [](const R& r, const std::filesystem::path& file,
                const std::map<std::string, std::string>& metadata, const py::object& progress) {
                 const auto grids = besides(r);
+                std::map<std::string, std::string> all = metadataOf(r.report);
+                for (const auto& [name, text] : metadata) all[name] = text;
                 runWork(progress, [&](Interrupter& p) {
-                    writeLevelSet(file, r.levelSet(), metadata, {grids.begin(), grids.end()}, &p);
+                    writeLevelSet(file, r.levelSet(), all, {grids.begin(), grids.end()}, &p);
                 });
             },
             "file"_a, "metadata"_a = std::map<std::string, std::string>(),
             "progress"_a = py::none(),
-            "Write a .vdb file with the level set and all grids beside it." MPUVDB_PROGRESS_DOC)
+            "Write a .vdb file with the level set and all grids beside it. What the report says of "
+            "points and settings, and metadata (names to texts), go on the level set's "
+            "grid." MPUVDB_PROGRESS_DOC)
         .def("__repr__", [](const R& r) {
             return fmt::format("<mpuvdb.Reconstruction: {} points, voxel size {:.6g}, {} active "
                                "voxels>",

@@ -224,7 +224,7 @@ void bindReconstruct(py::module_& module)
            double halfWidth, const py::object& viewpoint, const std::string& orient,
            const std::string& outliers, bool flipNormals, const std::string& badPoints,
            std::optional<double> alpha, std::optional<int> minPoints, bool sharp, bool interpolate,
-           bool coverage, const std::vector<std::string>& attributes,
+           bool coverage, const std::optional<std::vector<std::string>>& attributes,
            std::optional<std::uint64_t> maxBytes, const py::object& progress) {
             PointsArguments arguments{source,
                                       normals,
@@ -238,10 +238,12 @@ void bindReconstruct(py::module_& module)
             options.voxels = voxels;
             options.halfWidth = halfWidth;
             options.coverage = coverage;
-            options.attributes = attributes;
+            options.attributes = attributes.value_or(std::vector<std::string>());
             options.maxBytes = maxBytes;
             ReconstructResult made =
                 withPoints(arguments, progress, [&](PointInput&& input, Interrupter& p) {
+                    if (!attributes && !input.cloud.colors.empty())
+                        options.attributes = {kColorName};
                     return reconstruct(std::move(input), options, &p);
                 });
             tell(made.report);
@@ -253,15 +255,16 @@ void bindReconstruct(py::module_& module)
         "viewpoint"_a = py::none(), "orient"_a = "auto", "outliers"_a = "drop",
         "flip_normals"_a = false, "bad_points"_a = "drop", "alpha"_a = py::none(),
         "min_points"_a = py::none(), "sharp"_a = true, "interpolate"_a = false,
-        "coverage"_a = false, "attributes"_a = std::vector<std::string>(),
-        "max_bytes"_a = py::none(), "progress"_a = py::none(),
+        "coverage"_a = false, "attributes"_a = py::none(), "max_bytes"_a = py::none(),
+        "progress"_a = py::none(),
         "Points to a level set at once, as the command's reconstruct does it.\n\n" MPUVDB_POINTS_DOC
         "colors: (n, 3), sRGB, uint8, or floats in [0, 1], or up to 255 or 65535. scalars: a dict "
         "of names to (n,).\n"
         "voxel_size: edge of a voxel; or voxels: their number along the longest side; None: from "
         "the measured spacing. half_width: voxels, in [1.5, 1000].\n"
         "coverage: also say where data support the surface. attributes: grids beside it: 'Cd', "
-        "'confidence', scalars by name. max_bytes: that the work may take.\n\n"
+        "'confidence', scalars by name; None: 'Cd' where there are colors. max_bytes: that the "
+        "work may take.\n\n"
         "What was found is in the result's report, and logged to the logger 'mpuvdb'; what is "
         "likely wrong is a UserWarning." MPUVDB_PROGRESS_DOC);
 }

@@ -482,7 +482,7 @@ def reconstruct(
     sharp: bool = True,
     interpolate: bool = False,
     coverage: bool = False,
-    attributes: list[str] = [],
+    attributes: Optional[list[str]] = None,
     max_bytes: Optional[int] = None,
     progress: Progress = None,
 ) -> Reconstruction: ...

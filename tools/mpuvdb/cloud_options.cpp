@@ -13,17 +13,6 @@
 
 namespace mpuvdb::command
 {
-namespace
-{
-
-std::string regionText(const Box3d& box)
-{
-    const Vec3d &a = box.min(), &b = box.max();
-    return fmt::format("{} {} {} {} {} {}", a.x(), a.y(), a.z(), b.x(), b.y(), b.z());
-}
-
-} // namespace
-
 void CloudOptions::addInputs(CLI::App& app)
 {
     app.add_option("input", inputs,
@@ -212,26 +201,6 @@ void CloudOptions::describeSettings(Session& session, const ReconstructReport& m
                        {"normal_noise", s.points.normalNoise * 180 / M_PI},
                        {"box", toJson(s.boxSize)},
                        {"diagonal", s.diagonal}};
-}
-
-std::map<std::string, std::string> CloudOptions::metadata(const ReconstructReport& made)
-{
-    const ResolvedSettings& s = made.settings;
-    const auto text = [](const auto& value) { return fmt::format("{}", value); };
-    std::map<std::string, std::string> result = {
-        {"mpuvdb:version", MPUVDB_VERSION},
-        {"mpuvdb:points", text(made.points)},
-        {"mpuvdb:spacing", text(s.points.spacing)},
-        {"mpuvdb:noise", text(s.points.noise)},
-        {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
-        {"mpuvdb:half_width", text(s.grid.halfWidth)},
-        {"mpuvdb:tolerance", text(s.fit.tolerance)},
-        {"mpuvdb:alpha", text(s.fit.alpha)},
-        {"mpuvdb:min_points", text(s.fit.minPoints)},
-        {"mpuvdb:sharp", text(s.fit.sharp)}};
-    if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
-    if (s.grid.region) result["mpuvdb:region"] = regionText(*s.grid.region);
-    return result;
 }
 
 void CloudOptions::summarizeSettings(Session& session, const ReconstructReport& made)

@@ -27,8 +27,6 @@ public:
     void describeSettings(Session& session, const ReconstructReport& made) const;
     /// Prints what the settings came to.
     static void summarizeSettings(Session& session, const ReconstructReport& made);
-    /// Metadata of the grid, but those that the fit decides.
-    static std::map<std::string, std::string> metadata(const ReconstructReport& made);
 
     std::vector<std::string> inputs;
     ReconstructOptions options;

@@ -98,7 +98,7 @@ public:
         mCloud.describeSettings(session, prepared.report);
         mJob.build = buildId();
         mJob.inputs = mCloud.inputs;
-        mJob.metadata = CloudOptions::metadata(prepared.report);
+        mJob.metadata = metadataOf(prepared.report);
         CloudOptions::summarizeSettings(session, prepared.report);
         foresee(session, prepared);
         Job::plan(mFolder, std::move(prepared), mJob, interrupter);

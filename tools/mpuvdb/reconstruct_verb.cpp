@@ -97,7 +97,7 @@ public:
         } else if (const auto beyond = beyondMemory(prepared, false, bareBytes, interrupter)) {
             mCloud.describeSettings(session, prepared.report);
             CloudOptions::summarizeSettings(session, prepared.report);
-            const auto metadata = CloudOptions::metadata(prepared.report);
+            const auto metadata = metadataOf(prepared.report);
             return reconstructInTasks(session, std::move(prepared), *beyond, metadata, mOutput);
         }
         FittedPoints fitted = fitPoints(std::move(prepared), interrupter);
@@ -194,9 +194,8 @@ private:
     void writeGrids(Session& session, const ReconstructResult& made,
                     openvdb::GridCPtrVec&& beside) const
     {
-        std::map<std::string, std::string> metadata = CloudOptions::metadata(made.report);
-        metadata["mpuvdb:max_error"] = fmt::format("{}", made.report.fit.maxError);
-        writeLevelSet(mOutput, made.levelSet(), metadata, beside, &session.progress());
+        writeLevelSet(mOutput, made.levelSet(), metadataOf(made.report), beside,
+                      &session.progress());
         if (mUsd.empty() || session.isShared("--usd")) return;
         beside.insert(beside.begin(), made.grid);
         writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene.settings);
