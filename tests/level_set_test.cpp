@@ -280,7 +280,11 @@ TEST(Check, ReportsClassTransformAndBackground)
     expectOnly(*grid, "not cubes", Coord(), 0);
     grid = sphere();
     grid->transform().preRotate(0.1);
-    expectOnly(*grid, "not cubes", Coord(), 0);
+    expectOnly(*grid, "turns or shears the axes", Coord(), 0);
+    grid = sphere();
+    grid->transform().preScale(openvdb::Vec3d(1, -1, 1));
+    expectOnly(*grid, "mirrors an axis", Coord(), 0);
+    EXPECT_THROW(LevelSet{grid}, InputError);
 
     grid = sphere();
     grid->tree().root().setBackground(-3 * kBallVoxel, false);

@@ -174,6 +174,9 @@ TEST_F(ModelVerbs, MorphWritesAFileForEveryFrame)
     EXPECT_EQ(readFile(folder / "n.009.vdb"), readFile(folder / "m.0009.vdb"));
     EXPECT_FALSE(fs::exists(folder / "n.008.vdb"));
     command({"morph", "ball.vdb", "box.vdb", "--frames", "8-10", "-o", "same.vdb"}, 2);
+    command({"morph", "ball.vdb", "box.vdb", "--frames", "-2-0x2", "-o", "early.####.vdb"});
+    for (const char* name : {"early.-002.vdb", "early.0000.vdb"})
+        EXPECT_TRUE(fs::exists(folder / name)) << name;
     command({"morph", "ball.vdb", "box.vdb", "--frames", "10-8", "-o", "m.##.vdb"}, 2);
     command({"morph", "ball.vdb", "box.vdb", "--at", "2", "-o", "x.vdb"}, 2);
 }

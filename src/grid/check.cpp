@@ -204,7 +204,7 @@ std::vector<CheckFinding> findingsOfGrid(const openvdb::FloatGrid& grid)
     std::vector<CheckFinding> findings;
     const auto add = [&](const std::string& what) { findings.push_back({what, Coord(), 0}); };
     const auto lattice = latticeOf(grid.transform());
-    if (!lattice) add("voxels are not cubes along the axes");
+    if (!lattice) add(whyNoLattice(grid.transform()));
     const float background = grid.background();
     if (!std::isfinite(background) || !(background > 0))
         add(fmt::format("the background is {:g}, and should be the band's half-width", background));

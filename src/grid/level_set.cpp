@@ -55,13 +55,25 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
 void requireUniformVoxels(const openvdb::GridBase& grid)
 {
     if (latticeOf(grid.transform())) return;
-    const openvdb::Vec3d size = grid.voxelSize();
-    throw InputError(fmt::format("grid '{}': its voxels are not cubes along the axes (transform "
-                                 "{}, voxels of {:.6g} x {:.6g} x {:.6g}). Resample it to uniform "
-                                 "voxels where it comes from, for example with Houdini's VDB "
-                                 "Resample",
-                                 grid.getName(), grid.transform().mapType(), size.x(), size.y(),
-                                 size.z()));
+    throw InputError(fmt::format("grid '{}': {}. Resample it to uniform voxels along the axes "
+                                 "where it comes from, for example with Houdini's VDB Resample",
+                                 grid.getName(), whyNoLattice(grid.transform())));
+}
+
+std::string whyNoLattice(const openvdb::math::Transform& transform)
+{
+    /// Relative difference of voxels' edges that is none. [derived: as latticeOf() has it]
+    constexpr double kRounding = 1e-6;
+    if (!transform.isLinear()) return "its voxels are those of a frustum, not cubes";
+    const openvdb::Vec3d size = transform.voxelSize();
+    const double least = std::min({size.x(), size.y(), size.z()}),
+                 most = std::max({size.x(), size.y(), size.z()});
+    const openvdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
+    const std::string what = fmt::format("(transform {}, voxels of {:.6g} x {:.6g} x {:.6g})",
+                                         transform.mapType(), size.x(), size.y(), size.z());
+    if (most - least > kRounding * most) return "its voxels are not cubes " + what;
+    return m.getMat3().det() < 0 ? "its transform mirrors an axis or exchanges two " + what
+                                 : "its transform turns or shears the axes of its voxels " + what;
 }
 
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice)

@@ -5,12 +5,16 @@
 #include <openvdb/Grid.h>
 #include <openvdb/math/Transform.h>
 #include <optional>
+#include <string>
 
 namespace mpuvdb
 {
 
 /// The lattice of @a transform; empty unless it is a positive uniform scale and a translation.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
+
+/// Why @a transform, which latticeOf() does not take, is none of a lattice.
+std::string whyNoLattice(const openvdb::math::Transform& transform);
 
 /// Give @a grid the transform of @a lattice.
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice);

@@ -141,6 +141,31 @@ ArrayParticles arraysOf(const py::object& source, const py::object& radius,
     return arrays;
 }
 
+/// Leave out colors and scalars that @a names does not have; without any, all stay.
+/// @throws UsageError for a name that is none of them.
+void keepNamed(ArrayParticles& arrays, const std::vector<std::string>& names)
+{
+    if (names.empty()) return;
+    auto& scalars = arrays.view.scalars;
+    const auto isNamed = [&](const std::string& name) {
+        return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    for (const std::string& name : names) {
+        const bool isThere =
+            name == kColorName
+                ? arrays.view.colors.rows > 0
+                : std::any_of(scalars.begin(), scalars.end(),
+                              [&](const auto& scalar) { return scalar.first == name; });
+        if (!isThere)
+            throw UsageError(fmt::format("attributes: the particles have no '{}'. Give it as {}",
+                                         name, name == kColorName ? "colors" : "one of scalars"));
+    }
+    if (!isNamed(kColorName)) arrays.view.colors = {};
+    scalars.erase(std::remove_if(scalars.begin(), scalars.end(),
+                                 [&](const auto& scalar) { return !isNamed(scalar.first); }),
+                  scalars.end());
+}
+
 ParticleResult surfaceOf(Particles&& particles, const ParticleOptions& options, Interrupter& p)
 {
     ParticleResult made = particlesToLevelSet(std::move(particles), options, &p);
@@ -187,10 +212,8 @@ void bindParticles(py::module_& module)
                     return surfaceOf(std::move(read), options, p);
                 });
             }
-            if (!attributes.empty())
-                throw UsageError("attributes name properties of files: give an array's as colors "
-                                 "and scalars");
-            const ArrayParticles arrays = arraysOf(source, radius, velocities, colors, scalars);
+            ArrayParticles arrays = arraysOf(source, radius, velocities, colors, scalars);
+            keepNamed(arrays, attributes);
             return run(progress, [&](Interrupter& p) {
                 return surfaceOf(importParticles(arrays.view, &p), options, p);
             });
@@ -214,7 +237,8 @@ void bindParticles(py::module_& module)
         "all radii. half_width: voxels, in [1.5, 1000].\n"
         "colors: (n, 3), sRGB, uint8, or floats in [0, 1], or up to 255 or 65535. scalars: a dict "
         "of at most 4 names to "
-        "(n,). attributes: of files instead: 'Cd', properties by name. velocity: whether to make "
+        "(n,). attributes: of these, or of files, 'Cd' and scalars or properties by name; of an "
+        "array's none named are all. velocity: whether to make "
         "the grid 'v'. max_bytes: that the work may take.\n\n"
         "Radii that are not above 0 are an InputError." MPUVDB_PROGRESS_DOC);
 }

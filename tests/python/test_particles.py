@@ -65,6 +65,21 @@ class Particles(unittest.TestCase):
             made.voxels("mass")
         self.assertEqual(mv.particles(centers, UNIT_BALL, velocities, velocity=False).grids, [])
 
+    def test_attributes_of_arrays_are_chosen_by_name(self):
+        centers = pool(8, 8, 8)
+        of = {
+            "colors": np.full((len(centers), 3), 255, np.uint8),
+            "scalars": {"age": np.full(len(centers), 3.0), "id": np.arange(len(centers))},
+        }
+        for names in (["Cd"], ["age"], ["Cd", "id"]):
+            made = mv.particles(centers, UNIT_BALL, attributes=names, **of)
+            self.assertEqual(made.grids, names)
+        for names in (["heat"], ["age", "heat"]):
+            with self.assertRaisesRegex(mv.UsageError, "no 'heat'"):
+                mv.particles(centers, UNIT_BALL, attributes=names, **of)
+        with self.assertRaisesRegex(mv.UsageError, "Give it as colors"):
+            mv.particles(centers, UNIT_BALL, attributes=["Cd"])
+
     def test_files(self):
         with tempfile.TemporaryDirectory() as folder:
             file = pathlib.Path(folder, "drops.ply")

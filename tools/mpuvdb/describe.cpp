@@ -177,6 +177,7 @@ std::string droppedText(const std::map<std::string, std::uint64_t>& dropped)
 
 std::string findingText(const CheckFinding& finding)
 {
+    if (finding.count == 0) return finding.what; // of the grid as a whole
     const openvdb::Coord& v = finding.voxel;
     return fmt::format("{} (voxel {}, {}, {}; {} in all)", finding.what, v.x(), v.y(), v.z(),
                        finding.count);

@@ -28,7 +28,7 @@ const std::regex& tokenOf(const std::string& pattern)
 
 std::vector<int> parseFrames(const std::string& text)
 {
-    static const std::regex pattern(R"((\d{1,8})(-(\d{1,8})(x(\d{1,8}))?)?)");
+    static const std::regex pattern(R"((-?\d{1,8})(-(-?\d{1,8})(x(\d{1,8}))?)?)");
     std::smatch parts;
     if (!std::regex_match(text, parts, pattern))
         throw UsageError(fmt::format("--frames {}: is not a range. Write 7, 1-24 or 1-24x2", text));

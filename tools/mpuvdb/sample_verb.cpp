@@ -92,7 +92,9 @@ private:
         const char* const group = "Errors of measurement";
         addLength(app, "--noise", mNoise, "Standard deviation of the positions; 0.1% for example")
             ->group(group);
-        app.add_option("--normal-noise", mScan.normalNoise, "Standard deviation of the normals")
+        app.add_option("--normal-noise", mScan.normalNoise,
+                       "Standard deviation of the normals about each\n"
+                       "of two axes: rms angles are 1.41 times that")
             ->type_name("DEGREES")
             ->group(group);
         app.add_flag("--confidence", mScan.confidence, "Write a confidence for each point")
