@@ -21,7 +21,7 @@ struct WindingVotes {
 };
 
 /// The votes of the winding number [Barill18] at the points themselves, between the surface's two
-/// sides: it is a half on all of a solid, however its pieces hang together, and half a turn more or
+/// sides: it is a half on all of a solid, however its pieces hang together, and one more or one
 /// less on a piece that looks the other way than the rest. Sheets that enclose nothing say nothing.
 /// @param areas  of the surface about each point, world units squared.
 /// @param noise  standard deviation of the positions, world units.
