@@ -182,6 +182,26 @@ std::vector<float> areasOf(const std::vector<Vec3f>& positions, const PlaneGraph
     return areas;
 }
 
+/// Turn pieces of @a parts that look the other way than the rest, by windingVotes(): neighbors at a
+/// contact or a thin rim can join bodies the wrong way round. Ends when not fewer points
+/// contradict.
+/// @param turned  of each position, what the graph's normals were turned by; becomes what they are.
+void turnByWinding(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& parts,
+                   PlaneGraph& graph, std::vector<char>& turned, Interrupter& progress)
+{
+    for (std::size_t before = positions.size();;) {
+        WindingVotes votes = windingVotes({positions, graph.normals, parts},
+                                          areasOf(positions, graph), graph.noise, progress);
+        if (votes.against == 0 || votes.against >= before) return;
+        before = votes.against;
+        for (OrientationLink& l : votes.links)
+            if (turned[l.a]) l.vote = -l.vote;
+        turn(graph.normals, turned);
+        turned = solveOrientation(votes.nodes, graph.links, progress, votes.links).turned;
+        turn(graph.normals, turned);
+    }
+}
+
 /// Turn the normals of each part to one side: towards the scanners, or else outward.
 /// @param toScanner  of each position the unit direction to its scanner, zero without; or empty.
 void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toScanner,
@@ -200,19 +220,7 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toSca
     Orientation found = solveOrientation(positions.size() + 1, graph.links, progress);
     const std::vector<std::uint32_t> parts = std::move(found.parts);
     turn(graph.normals, found.turned);
-    // Neighbors at a contact or a thin rim can join bodies the wrong way round, which the winding
-    // number sees from afar: each time less of them, or it does not tell.
-    for (std::size_t before = positions.size();;) {
-        WindingVotes votes = windingVotes({positions, graph.normals, parts},
-                                          areasOf(positions, graph), graph.noise, progress);
-        if (votes.against == 0 || votes.against >= before) break;
-        before = votes.against;
-        for (OrientationLink& l : votes.links)
-            if (found.turned[l.a]) l.vote = -l.vote;
-        turn(graph.normals, found.turned);
-        found = solveOrientation(votes.nodes, graph.links, progress, votes.links);
-        turn(graph.normals, found.turned);
-    }
+    if (toScanner.empty()) turnByWinding(positions, parts, graph, found.turned, progress);
     std::vector<char> inward = findInwardParts({positions, graph.normals, parts}, progress);
     const std::uint32_t seen = parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];

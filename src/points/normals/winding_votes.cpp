@@ -1,5 +1,6 @@
 #include "winding_votes.h"
 
+#include "core/morton.h"
 #include "core/parallel_each.h"
 #include <mpuvdb/interrupter.h>
 
@@ -24,7 +25,7 @@ struct Dipole {
     Vec3f position = Vec3f::Zero();
     Vec3f areaNormal = Vec3f::Zero(); ///< world units squared
     float softening = 0;              ///< world units squared: of a disc, not of a point
-    float points = 0;
+    float points = 0;                 ///< their number
 };
 
 /// The side of an axis to which a normal looks most.
@@ -33,16 +34,6 @@ int sideOf(const Vec3f& normal)
     int axis = 0;
     normal.cwiseAbs().maxCoeff(&axis);
     return 2 * axis + int(normal[axis] > 0);
-}
-
-/// Every third bit of a Morton code. @param x  less than 2^20.
-std::uint64_t spread(std::uint64_t x)
-{
-    x = (x | x << 32) & 0x1f00000000ffffu;
-    x = (x | x << 16) & 0x1f0000ff0000ffu;
-    x = (x | x << 8) & 0x100f00f00f00f00fu;
-    x = (x | x << 4) & 0x10c30c30c30c30c3u;
-    return (x | x << 2) & 0x1249249249249249u;
 }
 
 /// Dipoles in order of space, and of each point its dipole.
@@ -57,7 +48,8 @@ Dipoles dipolesOf(const Part& part, const OrientedParts& points, const std::vect
     // Points for a square of the box. [derived: a cell of a ball has ten then, so that none is
     // missed]
     constexpr double kPointsPerCell = 32;
-    constexpr double kMostCells = 1 << 19; // along the longest side; [derived: bits of spread()]
+    // Along the longest side. [derived: two bits fewer than mortonKey() takes, for the sides]
+    constexpr double kMostCells = 1 << 19;
     const double cells =
         std::clamp(std::sqrt(double(part.points.size()) / kPointsPerCell), 1.0, kMostCells);
     // A cell holds the whole layer that noise makes of a surface. [derived: two standard
@@ -69,15 +61,15 @@ Dipoles dipolesOf(const Part& part, const OrientedParts& points, const std::vect
     for (std::uint32_t k = 0; k < keys.size(); ++k) {
         const std::uint32_t i = part.points[k];
         const Vec3f in = (points.positions[i] - part.box.min()) / cell;
-        const std::uint64_t code = spread(std::uint64_t(in.x())) << 2 |
-                                   spread(std::uint64_t(in.y())) << 1 |
-                                   spread(std::uint64_t(in.z()));
+        const std::uint64_t code =
+            mortonKey(std::uint64_t(in.x()), std::uint64_t(in.y()), std::uint64_t(in.z()));
         keys[k] = {code * 8 + std::uint64_t(sideOf(points.normals[i])), k};
     }
     tbb::parallel_sort(keys.begin(), keys.end());
     Dipoles dipoles;
     dipoles.of.resize(keys.size());
-    const auto most = float(M_SQRT2) * cell * cell; // of a plane in a cell
+    // The largest area of a plane in a cell, world units squared: that of a diagonal rectangle.
+    const auto most = float(M_SQRT2) * cell * cell;
     for (std::size_t begin = 0, end = 0; begin < keys.size(); begin = end) {
         Dipole dipole;
         float area = 0;
