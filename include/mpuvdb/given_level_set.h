@@ -28,6 +28,7 @@ LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<
 /// or tile, where there is no distance; else empty. @throws Interrupted.
 std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
+/// Require that a band lies between inside and outside, nearly everywhere.
 /// @param cure  last sentence of the error's text.
 /// @throws InputError if missingBand() finds more than one in ten faces; Interrupted.
 void requireBand(const LevelSet& levelSet, const std::string& cure,
