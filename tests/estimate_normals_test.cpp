@@ -171,6 +171,20 @@ TEST(EstimateNormals, BodiesThatTouchLookOutwardAll)
             << "noise " << noise << " seed " << kSeed;
 }
 
+// Where three tubes touch, pieces of each were joined to others the wrong way round, and each that
+// was turned by itself made its neighbors look wrong: the volume was two and a half times the
+// truth.
+TEST(EstimateNormals, PiecesThatContradictEachOtherAreTurnedOneByOne)
+{
+    const double radius = 0.4, spacing = std::sqrt(17.0 / 60000); // of the area and its points
+    // Sheets are closer than the spacing in a strip of either side of two lines, 1.2 long.
+    const double strips = 8 * std::sqrt(radius * spacing) * 1.2 / 17;
+    const std::string tube = "difference(cylinder(0.4,1.2),cylinder(0.28,3))";
+    const std::string tubes =
+        fmt::format("union(translate({0},-0.8,0,0),union({0},translate({0},0.8,0,0)))", tube);
+    EXPECT_GT(shareRight(tubes, 60000, Pattern::Random), 1 - strips) << "seed " << kSeed;
+}
+
 // A depth camera tells depths in steps, wider than its points are apart: each step is a flat sheet.
 TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
 {

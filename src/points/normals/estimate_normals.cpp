@@ -20,6 +20,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <limits>
 #include <utility>
 
 namespace mpuvdb
@@ -183,22 +184,28 @@ std::vector<float> areasOf(const std::vector<Vec3f>& positions, const PlaneGraph
 }
 
 /// Turn pieces of @a parts that look the other way than the rest, by windingVotes(): neighbors at a
-/// contact or a thin rim can join bodies the wrong way round. Ends when not fewer points
-/// contradict.
+/// contact or a thin rim can join bodies the wrong way round. Ends when the number fits no better.
 /// @param turned  of each position, what the graph's normals were turned by; becomes what they are.
 void turnByWinding(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& parts,
                    PlaneGraph& graph, std::vector<char>& turned, Interrupter& progress)
 {
-    for (std::size_t before = positions.size();;) {
-        WindingVotes votes = windingVotes({positions, graph.normals, parts},
-                                          areasOf(positions, graph), graph.noise, progress);
-        if (votes.against == 0 || votes.against >= before) return;
-        before = votes.against;
-        for (OrientationLink& l : votes.links)
-            if (turned[l.a]) l.vote = -l.vote;
+    std::vector<char> before;
+    for (double least = std::numeric_limits<double>::infinity();;) {
+        const WindingVotes votes =
+            windingVotes({positions, graph.normals, parts}, areasOf(positions, graph), graph.noise,
+                         {graph.links, turned}, progress);
+        const bool fitsBetter = votes.misfit < least;
+        if (fitsBetter && votes.against == 0) return;
         turn(graph.normals, turned);
-        turned = solveOrientation(votes.nodes, graph.links, progress, votes.links).turned;
+        if (fitsBetter) {
+            least = votes.misfit;
+            before = turned;
+            turned = solveOrientation(votes.nodes, graph.links, progress, votes.links).turned;
+        } else {
+            turned = before;
+        }
         turn(graph.normals, turned);
+        if (!fitsBetter || votes.done) return;
     }
 }
 

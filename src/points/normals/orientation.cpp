@@ -16,6 +16,8 @@ namespace
 {
 
 constexpr std::size_t kCheckEvery = 65536; // links; [free: the same orientation]
+/// Bounds of the votes of links that join two nodes alone. [tuned: estimate_normals_test]
+constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
 /// The weight of a link across sheets. [tuned: estimate_normals_test]
 constexpr float kAcrossSheets = 0.25f;
 
@@ -68,8 +70,6 @@ private:
 /// Join nodes by sure links one by one, the surest first: in classes, which is as good as sorted.
 void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Interrupter& progress)
 {
-    // Bounds of the links' votes. [tuned: estimate_normals_test]
-    constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
     for (std::size_t c = 1; c < std::size(kClasses); ++c)
         for (std::size_t k = 0; k < links.size(); ++k) {
             if (k % kCheckEvery == 0) progress.check();
@@ -242,6 +242,32 @@ Orientation solveOrientation(std::size_t nodes, const std::vector<OrientationLin
         result.turned[i] = turned;
     }
     return result;
+}
+
+std::vector<std::uint32_t> agreeingPieces(const std::vector<OrientationLink>& links,
+                                          const std::vector<char>& turned,
+                                          const std::vector<char>& groups, Interrupter& progress)
+{
+    Forest forest(groups.size());
+    std::vector<PatchLink> between;
+    for (std::size_t k = 0; k < links.size(); ++k) {
+        if (k % kCheckEvery == 0) progress.check();
+        const OrientationLink& l = links[k];
+        if (l.b >= groups.size() || groups[l.a] != groups[l.b]) continue;
+        const float vote = turned[l.a] != turned[l.b] ? -l.vote : l.vote;
+        if (!l.unsure && vote >= *std::rbegin(kClasses))
+            forest.join(l.a, l.b, false);
+        else
+            between.push_back({l.a, l.b, vote});
+    }
+    const auto agrees = [](const PatchLink& l) { return l.vote > 0; };
+    for (gather(between, forest, progress); std::any_of(between.begin(), between.end(), agrees);
+         gather(between, forest, progress))
+        for (const PatchLink& l : between)
+            if (agrees(l)) forest.join(l.a, l.b, false);
+    std::vector<std::uint32_t> pieces(groups.size());
+    for (std::uint32_t i = 0; i < pieces.size(); ++i) pieces[i] = forest.find(i).first;
+    return pieces;
 }
 
 } // namespace mpuvdb

@@ -42,4 +42,11 @@ struct Orientation {
 Orientation solveOrientation(std::size_t nodes, const std::vector<OrientationLink>& links,
                              Interrupter& progress, const std::vector<OrientationLink>& known = {});
 
+/// Of each node the lowest of its piece: nodes of a group, which links join that agree with an
+/// orientation, sure ones one by one, and others where more of them agree than do not.
+/// @param turned, groups  of each node; links of other nodes are passed over.
+std::vector<std::uint32_t> agreeingPieces(const std::vector<OrientationLink>& links,
+                                          const std::vector<char>& turned,
+                                          const std::vector<char>& groups, Interrupter& progress);
+
 } // namespace mpuvdb

@@ -112,6 +112,13 @@ float pixelOf(const Part& part, double perPixel)
 
 } // namespace
 
+Eigen::AlignedBox3f boxOf(const std::vector<std::uint32_t>& some, const OrientedParts& points)
+{
+    Eigen::AlignedBox3f box;
+    for (const std::uint32_t i : some) box.extend(points.positions[i]);
+    return box;
+}
+
 std::size_t partEnd(const OrientedParts& points)
 {
     const auto last = std::max_element(points.parts.begin(), points.parts.end());
@@ -158,9 +165,6 @@ PartWinding::PartWinding(const Part& part, const OrientedParts& points, bool tur
 {
     // Along the longest side. [tuned: contour_normals_test; time grows with their squares]
     constexpr int kFewestCells = 4, kMostCells = 24;
-    // Points for a square of the box. [derived: a cell of a ball has ten then, so that none is
-    // missed]
-    constexpr double kPointsPerCell = 32;
     const int cells = std::clamp(int(std::sqrt(double(part.points.size()) / kPointsPerCell)),
                                  kFewestCells, kMostCells);
     const float cell =

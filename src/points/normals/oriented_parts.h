@@ -23,6 +23,9 @@ struct Part {
     Eigen::AlignedBox3f box;
 };
 
+/// The box about some of the points.
+Eigen::AlignedBox3f boxOf(const std::vector<std::uint32_t>& some, const OrientedParts& points);
+
 /// One more than the last part.
 std::size_t partEnd(const OrientedParts& points);
 
@@ -52,6 +55,10 @@ void forAFew(const Part& part, const OrientedParts& points, F&& f)
         f(points.positions[i].cast<double>(), points.normals[i].cast<double>());
     }
 }
+
+/// Points of a part for a square of the box about them where a grid gathers them. [derived: a cell
+/// of a ball has ten then, so that none is missed]
+constexpr double kPointsPerCell = 32;
 
 /// A part's surface as one dipole for each cell of a coarse grid: its winding number [Barill18].
 class PartWinding

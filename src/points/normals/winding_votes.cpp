@@ -1,15 +1,12 @@
 #include "winding_votes.h"
 
-#include "core/morton.h"
 #include "core/parallel_each.h"
+#include "point_winding.h"
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <numeric>
 
 namespace mpuvdb
@@ -17,198 +14,312 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 256; // dipoles; [free: the same numbers]
-constexpr int kSides = 6;           // [derived: of three axes]
+constexpr std::size_t kSampleGrain = 16; // samples; [free: the same votes]
+/// A distance of the number from a half that is clear. [derived: half of what lies between right,
+/// which is 0, and undecided]
+constexpr float kClearlyOff = 0.25f;
 
-/// One side of the surface in a cell of a grid.
-struct Dipole {
-    Vec3f position = Vec3f::Zero();
-    Vec3f areaNormal = Vec3f::Zero(); ///< world units squared
-    float softening = 0;              ///< world units squared: of a disc, not of a point
-    float points = 0;                 ///< their number
-};
+/// What the number at a point says of its normal.
+enum Saying : char { kRight, kUnclear, kWrong };
 
-/// The side of an axis to which a normal looks most.
-int sideOf(const Vec3f& normal)
+Saying sayingOf(float number)
 {
-    int axis = 0;
-    normal.cwiseAbs().maxCoeff(&axis);
-    return 2 * axis + int(normal[axis] > 0);
+    const float off = std::abs(number - 0.5f);
+    return off <= kClearlyOff ? kRight : off < 1 - kClearlyOff ? kUnclear : kWrong;
 }
 
-/// Dipoles in order of space, and of each point its dipole.
-struct Dipoles {
-    std::vector<Dipole> all;
-    std::vector<std::uint32_t> of; ///< of the part's points
+/// What the winding number says of all points.
+struct Windings {
+    std::vector<float> numbers; ///< of each point; those of a part that looks inward are reversed
+    std::vector<char> sayings;  ///< of each point
+    std::vector<bool> reversed; ///< of each part
 };
 
-Dipoles dipolesOf(const Part& part, const OrientedParts& points, const std::vector<float>& areas,
-                  float noise)
+Windings windingsOn(const std::vector<Part>& parts, const OrientedParts& points,
+                    const std::vector<float>& areas, double noise, Interrupter& progress)
 {
-    // Points for a square of the box. [derived: a cell of a ball has ten then, so that none is
-    // missed]
-    constexpr double kPointsPerCell = 32;
-    // Along the longest side. [derived: two bits fewer than mortonKey() takes, for the sides]
-    constexpr double kMostCells = 1 << 19;
-    const double cells =
-        std::clamp(std::sqrt(double(part.points.size()) / kPointsPerCell), 1.0, kMostCells);
-    // A cell holds the whole layer that noise makes of a surface. [derived: two standard
-    // deviations to both sides]
-    constexpr float kLayer = 4;
-    const float cell = std::max({part.box.sizes().maxCoeff() / float(cells), kLayer * noise,
-                                 std::numeric_limits<float>::min()});
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(part.points.size());
-    for (std::uint32_t k = 0; k < keys.size(); ++k) {
-        const std::uint32_t i = part.points[k];
-        const Vec3f in = (points.positions[i] - part.box.min()) / cell;
-        const std::uint64_t code =
-            mortonKey(std::uint64_t(in.x()), std::uint64_t(in.y()), std::uint64_t(in.z()));
-        keys[k] = {code * 8 + std::uint64_t(sideOf(points.normals[i])), k};
-    }
-    tbb::parallel_sort(keys.begin(), keys.end());
-    Dipoles dipoles;
-    dipoles.of.resize(keys.size());
-    // The largest area of a plane in a cell, world units squared: that of a diagonal rectangle.
-    const auto most = float(M_SQRT2) * cell * cell;
-    for (std::size_t begin = 0, end = 0; begin < keys.size(); begin = end) {
-        Dipole dipole;
-        float area = 0;
-        for (end = begin; end < keys.size() && keys[end].first == keys[begin].first; ++end) {
-            const std::uint32_t k = keys[end].second, i = part.points[k];
-            dipole.position += points.positions[i];
-            dipole.areaNormal += areas[i] * points.normals[i];
-            area += areas[i];
-            dipoles.of[k] = std::uint32_t(dipoles.all.size());
+    Windings windings;
+    windings.numbers.resize(points.positions.size());
+    windings.sayings.resize(points.positions.size());
+    for (const Part& part : parts) {
+        const PointWinding winding(part, points, areas, float(noise));
+        const std::vector<float> on = winding.onPoints(progress);
+        const bool reversed = std::accumulate(on.begin(), on.end(), 0.0) < 0;
+        for (std::size_t k = 0; k < on.size(); ++k) {
+            const float number = reversed ? -on[k] : on[k];
+            windings.numbers[part.points[k]] = number;
+            windings.sayings[part.points[k]] = sayingOf(number);
         }
-        dipole.points = float(end - begin);
-        dipole.position /= dipole.points;
-        dipole.areaNormal *= std::min(most / area, 1.f);
-        dipole.softening = std::min(most, area) / float(2 * M_PI);
-        dipoles.all.push_back(dipole);
+        windings.reversed.push_back(reversed);
     }
-    return dipoles;
+    return windings;
 }
 
-/// Sums of dipoles, halved again and again in order of space.
-class DipoleTree
+/// Points of a part of which neighbors say the same, and the number as well.
+struct Piece {
+    std::vector<std::uint32_t> points;
+    double area = 0;         ///< world units squared
+    std::vector<float> does; ///< to the number at each sample, as it looks; empty: too little
+};
+
+/// Points of the smallest piece of a part that is turned.
+std::size_t fewestOf(const Part& part)
+{
+    // Pieces of a part. [derived: smaller ones are known by what neighbors say of them]
+    constexpr std::size_t kMost = 64;
+    return std::max(part.points.size() / kMost, std::size_t(kPointsPerCell));
+}
+
+/// The largest pieces of a part. @param pieces  of each point.
+std::vector<Piece> largestPieces(const Part& part, const std::vector<std::uint32_t>& pieces,
+                                 const std::vector<float>& areas)
+{
+    std::vector<std::uint32_t> points = part.points;
+    std::stable_sort(points.begin(), points.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return pieces[a] < pieces[b]; });
+    std::vector<Piece> largest;
+    for (auto begin = points.begin(), end = begin; begin != points.end(); begin = end) {
+        end = std::find_if(begin, points.end(),
+                           [&](std::uint32_t i) { return pieces[i] != pieces[*begin]; });
+        if (std::size_t(end - begin) < fewestOf(part)) continue;
+        Piece piece;
+        piece.points.assign(begin, end);
+        for (const std::uint32_t i : piece.points) piece.area += double(areas[i]);
+        largest.push_back(std::move(piece));
+    }
+    return largest;
+}
+
+/// Points of a part that numbers are compared at.
+struct Samples {
+    std::vector<std::uint32_t> points;
+    std::vector<double> areas; ///< that each stands for, world units squared
+    std::vector<float> off;    ///< the number at each, less a half
+};
+
+Samples samplesOf(const Part& part, const std::vector<float>& areas,
+                  const std::vector<float>& numbers)
+{
+    // [derived: shares of the area are known to a fiftieth]
+    constexpr std::size_t kMost = 2048;
+    const std::size_t count = part.points.size(), some = std::min(kMost, count);
+    Samples samples;
+    for (std::size_t s = 0; s < some; ++s) {
+        const std::uint32_t i = part.points[s * count / some];
+        samples.points.push_back(i);
+        samples.areas.push_back(double(areas[i]) * double(count) / double(some));
+        samples.off.push_back(numbers[i] - 0.5f);
+    }
+    return samples;
+}
+
+/// The number's squared distance from a half, summed over the surface.
+double misfitOf(const std::vector<double>& areas, const std::vector<float>& off)
+{
+    double sum = 0;
+    for (std::size_t s = 0; s < off.size(); ++s) sum += areas[s] * double(off[s]) * double(off[s]);
+    return sum;
+}
+
+/// By how much the misfit has to fall, as a share of the piece's area.
+/// [derived: a piece that alone looks the wrong way makes 1, and half of it where half of what it
+/// borders does as well; at an open rim, where the number is halfway to one that says nothing, up
+/// to a quarter: the middle of the two]
+constexpr double kLeastGain = 0.375;
+
+/// Which pieces are turned, and what the winding number at the samples then is.
+class Turning
 {
 public:
-    explicit DipoleTree(const Dipoles& dipoles) : mDipoles(dipoles)
+    Turning(const Samples& samples, const std::vector<Piece>& pieces)
+        : mSamples(samples), mPieces(pieces), mOff(samples.off), mTurned(pieces.size(), 0)
     {
-        mNodes.reserve(2 * dipoles.all.size() / kLeaf + 1);
-        build(0, std::uint32_t(dipoles.all.size()));
     }
 
-    float numberAt(const Vec3f& p) const { return sumAt(0, p) / float(4 * M_PI); }
+    double misfit() const { return misfitOf(mSamples.areas, mOff); }
+
+    void turn(std::size_t piece)
+    {
+        for (std::size_t s = 0; s < mPieces[piece].does.size(); ++s) mOff[s] -= changeBy(piece, s);
+        mTurned[piece] ^= 1;
+    }
+
+    /// Turn that piece which the misfit falls most by, again and again, as long as it falls
+    /// clearly.
+    void descend()
+    {
+        for (std::size_t best = 0; best < mPieces.size();) {
+            best = mPieces.size();
+            double most = 0;
+            for (std::size_t p = 0; p < mPieces.size(); ++p) {
+                const double gain = gainOf(p);
+                if (gain <= std::max(most, kLeastGain * mPieces[p].area)) continue;
+                best = p;
+                most = gain;
+            }
+            if (best < mPieces.size()) turn(best);
+        }
+    }
+
+    bool isTurned(std::size_t piece) const { return mTurned[piece] != 0; }
+    bool isAnyTurned() const
+    {
+        return std::find(mTurned.begin(), mTurned.end(), 1) != mTurned.end();
+    }
+
+    /// Whether the number is right on most of a piece. @param pieces  of each point.
+    bool isRight(std::size_t piece, const std::vector<std::uint32_t>& pieces) const
+    {
+        const std::uint32_t name = pieces[mPieces[piece].points.front()];
+        double balance = 0;
+        for (std::size_t s = 0; s < mOff.size(); ++s) {
+            if (pieces[mSamples.points[s]] != name) continue;
+            const bool right = std::abs(mOff[s]) <= kClearlyOff;
+            balance += right ? mSamples.areas[s] : -mSamples.areas[s];
+        }
+        return balance > 0;
+    }
 
 private:
-    static constexpr std::uint32_t kLeaf = 8; // dipoles; [free: the same numbers but for rounding]
-    /// Distance, in radii, from which a node is a single dipole. [paper: Barill18]
-    static constexpr float kFar = 2;
-
-    struct Node {
-        Dipole sum;
-        float radius2 = 0; ///< world units squared
-        std::uint32_t begin = 0, end = 0;
-        std::uint32_t second = 0; ///< child; the first one follows the node; 0: a leaf
-    };
-
-    std::uint32_t build(std::uint32_t begin, std::uint32_t end)
+    /// What the number at a sample falls by if a piece is turned.
+    float changeBy(std::size_t piece, std::size_t sample) const
     {
-        const auto at = std::uint32_t(mNodes.size());
-        mNodes.emplace_back();
-        Node node;
-        node.begin = begin;
-        node.end = end;
-        float weight = 0;
-        for (std::uint32_t d = begin; d < end; ++d) {
-            const Dipole& dipole = mDipoles.all[d];
-            const float of = std::max(dipole.areaNormal.norm(), std::numeric_limits<float>::min());
-            node.sum.position += of * dipole.position;
-            node.sum.areaNormal += dipole.areaNormal;
-            node.sum.softening = std::max(node.sum.softening, dipole.softening);
-            weight += of;
+        const float twice = 2 * mPieces[piece].does[sample];
+        return isTurned(piece) ? -twice : twice;
+    }
+    /// What the misfit falls by.
+    double gainOf(std::size_t piece) const
+    {
+        double gain = 0;
+        for (std::size_t s = 0; s < mPieces[piece].does.size(); ++s) {
+            const auto change = double(changeBy(piece, s));
+            gain += mSamples.areas[s] * change * (2 * double(mOff[s]) - change);
         }
-        node.sum.position /= weight;
-        for (std::uint32_t d = begin; d < end; ++d)
-            node.radius2 = std::max(node.radius2,
-                                    (mDipoles.all[d].position - node.sum.position).squaredNorm());
-        if (end - begin > kLeaf) {
-            build(begin, (begin + end) / 2);
-            node.second = build((begin + end) / 2, end);
-        }
-        mNodes[at] = node;
-        return at;
+        return gain;
     }
 
-    float of(const Dipole& dipole, const Vec3f& p) const
-    {
-        const Vec3f apart = dipole.position - p;
-        const float squared = apart.squaredNorm() + dipole.softening;
-        return apart.dot(dipole.areaNormal) / (squared * std::sqrt(squared));
-    }
-
-    float sumAt(std::uint32_t n, const Vec3f& p) const
-    {
-        const Node& node = mNodes[n];
-        if ((node.sum.position - p).squaredNorm() > kFar * kFar * node.radius2)
-            return of(node.sum, p);
-        if (node.second != 0) return sumAt(n + 1, p) + sumAt(node.second, p);
-        float sum = 0;
-        for (std::uint32_t d = node.begin; d < node.end; ++d) sum += of(mDipoles.all[d], p);
-        return sum;
-    }
-
-    const Dipoles& mDipoles;
-    std::vector<Node> mNodes;
+    const Samples& mSamples;
+    const std::vector<Piece>& mPieces;
+    std::vector<float> mOff; ///< the number less a half, at each sample
+    std::vector<char> mTurned;
 };
 
-/// The winding number at each of the part's points, between its two sides; 0 where hardly any
-/// points are. @param areas, noise  as those of windingVotes().
-std::vector<float> numbersOn(const Part& part, const OrientedParts& points,
-                             const std::vector<float>& areas, float noise, Interrupter& progress)
+/// The better of what is found from the pieces as they are, and from all that are wrong turned.
+/// @param sayings  of each point.
+Turning bestTurning(const Samples& samples, const std::vector<Piece>& pieces,
+                    const std::vector<char>& sayings)
 {
-    const Dipoles dipoles = dipolesOf(part, points, areas, noise);
-    const DipoleTree tree(dipoles);
-    std::vector<float> ofDipole(dipoles.all.size());
-    forEachParallel(ofDipole.size(), kGrain, progress, [&](std::size_t d) {
-        constexpr float kPlane = 3; // points; [derived: fewer have no side]
-        const Dipole& dipole = dipoles.all[d];
-        if (dipole.points >= kPlane) ofDipole[d] = tree.numberAt(dipole.position);
-    });
-    std::vector<float> numbers(dipoles.of.size());
-    for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] = ofDipole[dipoles.of[k]];
-    return numbers;
+    Turning best(samples, pieces), other = best;
+    for (std::size_t p = 0; p < pieces.size(); ++p)
+        if (sayings[pieces[p].points.front()] == kWrong) other.turn(p);
+    best.descend();
+    other.descend();
+    return other.misfit() < best.misfit() ? other : best;
 }
+
+/// Gathers votes part by part.
+class Voting
+{
+public:
+    Voting(const OrientedParts& points, const std::vector<float>& areas, double noise,
+           const NeighborVotes& neighbors, Interrupter& progress)
+        : mPoints(points), mAreas(areas), mNoise(float(noise)), mNeighbors(neighbors),
+          mProgress(progress)
+    {
+        mVotes.nodes = firstPart() + partEnd(points);
+        const std::vector<Part> parts = collectParts(points);
+        mWindings = windingsOn(parts, points, areas, noise, progress);
+        for (std::size_t p = 0; p < parts.size(); ++p) voteOn(parts[p], mWindings.reversed[p]);
+    }
+
+    WindingVotes votes() && { return std::move(mVotes); }
+
+private:
+    /// Nodes of parts come after the points and the scanners.
+    std::size_t firstPart() const { return mPoints.positions.size() + 1; }
+
+    void voteOn(const Part& part, bool reversed)
+    {
+        const Samples samples = samplesOf(part, mAreas, mWindings.numbers);
+        const double misfit = misfitOf(samples.areas, samples.off);
+        mVotes.misfit += misfit;
+        const std::vector<Piece> pieces = piecesOf(part, reversed, samples, misfit);
+        const Turning turning = bestTurning(samples, pieces, mWindings.sayings);
+        const std::size_t before = mVotes.against;
+        if (turning.isAnyTurned())
+            votePieces(pieces, turning);
+        else
+            votePoints(part);
+        mVotes.done &= mVotes.against - before < fewestOf(part);
+    }
+
+    /// The largest pieces; none where not even one of them may be the wrong way round.
+    std::vector<Piece> piecesOf(const Part& part, bool reversed, const Samples& samples,
+                                double misfit)
+    {
+        const double area = std::accumulate(samples.areas.begin(), samples.areas.end(), 0.0);
+        const double share = double(fewestOf(part)) / double(part.points.size());
+        if (misfit < kLeastGain * share * area) return {};
+        if (mPieceOf.empty())
+            mPieceOf =
+                agreeingPieces(mNeighbors.links, mNeighbors.turned, mWindings.sayings, mProgress);
+        std::vector<Piece> pieces = largestPieces(part, mPieceOf, mAreas);
+        for (Piece& piece : pieces)
+            if (kLeastGain * piece.area < misfit) measure(piece, reversed, samples);
+        return pieces;
+    }
+
+    void votePoints(const Part& part)
+    {
+        for (const std::uint32_t i : part.points)
+            if (mWindings.sayings[i] != kUnclear) vote(i, mWindings.sayings[i] == kWrong);
+    }
+
+    /// What was unclear, and is not turned, is left to its neighbors.
+    void votePieces(const std::vector<Piece>& pieces, const Turning& turning)
+    {
+        for (std::size_t p = 0; p < pieces.size(); ++p) {
+            const bool clear = mWindings.sayings[pieces[p].points.front()] != kUnclear;
+            if (turning.isTurned(p) || (clear && turning.isRight(p, mPieceOf)))
+                for (const std::uint32_t i : pieces[p].points) vote(i, turning.isTurned(p));
+        }
+    }
+
+    void measure(Piece& piece, bool reversed, const Samples& samples) const
+    {
+        const Part part{piece.points, boxOf(piece.points, mPoints)};
+        const PointWinding winding(part, mPoints, mAreas, mNoise);
+        piece.does.resize(samples.points.size());
+        forEachParallel(piece.does.size(), kSampleGrain, mProgress, [&](std::size_t s) {
+            const float number = winding.at(mPoints.positions[samples.points[s]]);
+            piece.does[s] = reversed ? -number : number;
+        });
+    }
+
+    void vote(std::uint32_t point, bool turned)
+    {
+        const auto node = std::uint32_t(firstPart()) + mPoints.parts[point];
+        const bool asItWas = turned == bool(mNeighbors.turned[point]);
+        mVotes.links.push_back({asItWas ? 1.f : -1.f, false, point, node});
+        mVotes.against += turned ? 1 : 0;
+    }
+
+    const OrientedParts& mPoints;
+    const std::vector<float>& mAreas;
+    float mNoise;
+    const NeighborVotes& mNeighbors;
+    Interrupter& mProgress;
+    Windings mWindings;
+    std::vector<std::uint32_t> mPieceOf; ///< of each point; empty: not needed yet
+    WindingVotes mVotes;
+};
 
 } // namespace
 
 WindingVotes windingVotes(const OrientedParts& points, const std::vector<float>& areas,
-                          double noise, Interrupter& progress)
+                          double noise, const NeighborVotes& neighbors, Interrupter& progress)
 {
-    // Distances of the number from a half. [derived: a quarter from 0, which is right, and from 1,
-    // which is wrong]
-    constexpr float kRight = 0.25f, kWrong = 0.75f;
-    const std::size_t firstPart = points.positions.size() + 1; // after the scanners
-    WindingVotes votes;
-    votes.nodes = firstPart + partEnd(points);
-    for (const Part& part : collectParts(points)) {
-        progress.check();
-        const std::vector<float> numbers = numbersOn(part, points, areas, float(noise), progress);
-        const bool inward = std::accumulate(numbers.begin(), numbers.end(), 0.0) < 0;
-        const std::uint32_t name = points.parts[part.points.front()];
-        for (std::size_t k = 0; k < numbers.size(); ++k) {
-            const float off = std::abs((inward ? -numbers[k] : numbers[k]) - 0.5f);
-            if (off > kRight && off < kWrong) continue;
-            OrientationLink link;
-            link.vote = off < kWrong ? 1 : -1;
-            link.a = part.points[k];
-            link.b = std::uint32_t(firstPart) + name;
-            votes.links.push_back(link);
-            votes.against += link.vote < 0 ? 1 : 0;
-        }
-    }
-    return votes;
+    return Voting(points, areas, noise, neighbors, progress).votes();
 }
 
 } // namespace mpuvdb

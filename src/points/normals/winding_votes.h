@@ -4,7 +4,6 @@
 #include "oriented_parts.h"
 
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
 namespace mpuvdb
@@ -12,21 +11,30 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Links of points to a node of their part: 1 where a normal looks to the side that closes the
-/// part, as it does on most of it, and -1 where it looks to the other.
+/// How neighbors say that points look, and how they do.
+struct NeighborVotes {
+    const std::vector<OrientationLink>& links; ///< of the normals before they were turned
+    const std::vector<char>& turned;           ///< of each point
+};
+
+/// Links of points, of the normals before they were turned, to a node of their part, which looks to
+/// the side that closes the part, as most of it does.
 struct WindingVotes {
     std::vector<OrientationLink> links;
     std::size_t nodes = 0;   ///< one more than the last node; the points are the first ones
-    std::size_t against = 0; ///< links that say -1
+    std::size_t against = 0; ///< points that are to look the other way than they do
+    bool done = true;        ///< so few of each part that the others' numbers hardly depend on them
+    double misfit = 0; ///< of the normals as they are; see windingVotes(), world units squared
 };
 
-/// The votes of the winding number [Barill18] at the points themselves, between the surface's two
-/// sides: it is a half on all of a solid, however its pieces hang together, and one more or one
-/// less on a piece that looks the other way than the rest. Sheets that enclose nothing say nothing.
+/// The votes of the winding number at the points themselves, between the surface's two sides: it is
+/// a half on all of a solid, however its pieces hang together. Pieces, of what neighbors join and
+/// is as far from a half, are turned one by one, as long as the number's squared distance from a
+/// half, summed over the surface, falls clearly. Sheets that enclose nothing say nothing.
 /// @param areas  of the surface about each point, world units squared.
 /// @param noise  standard deviation of the positions, world units.
 /// @throws Interrupted.
 WindingVotes windingVotes(const OrientedParts& points, const std::vector<float>& areas,
-                          double noise, Interrupter& progress);
+                          double noise, const NeighborVotes& neighbors, Interrupter& progress);
 
 } // namespace mpuvdb
