@@ -332,6 +332,28 @@ TEST(Particles, CarryVelocitiesColorsAndScalars)
     EXPECT_EQ(particlesToLevelSet(turning(box(4, 4, 4, 0.2)), options).beside.size(), 2u);
 }
 
+TEST(Particles, SeparateDropsKeepWhatTheyCarry)
+{
+    // Drops whose radii differ, farther apart than the smaller one is wide.
+    const std::vector<Vec3d> centers = {{0, 0, 0}, {2, 0, 0}}, velocities = {{0, 0, 0}, {10, 0, 0}};
+    const std::vector<float> radii = {0.2f, 0.8f};
+    ParticleView view;
+    view.positions = centers;
+    view.radii = radii;
+    view.velocities = velocities;
+    for (const auto surface : {ParticleSurface::Smooth, ParticleSurface::Spheres}) {
+        ParticleOptions options;
+        options.surface = surface;
+        options.voxelSize = world(0.05);
+        const ParticleResult made = particlesToLevelSet(importParticles(view), options);
+        const auto v = openvdb::gridPtrCast<openvdb::Vec3SGrid>(made.beside.at(0));
+        for (auto voxel = v->cbeginValueOn(); voxel; ++voxel) {
+            const openvdb::Vec3d p = v->indexToWorld(voxel.getCoord());
+            EXPECT_NEAR((*voxel)[0], p.x() < 0.7 ? 0 : 10, 1e-5) << p;
+        }
+    }
+}
+
 TEST(Particles, SameBytesForAnyNumberOfThreads)
 {
     const std::vector<Vec3d> centers = box(14, 14, 8, 0.3, 7);

@@ -33,6 +33,42 @@ private:
     std::vector<ParticleBins::Run> mRuns;
 };
 
+/// Call f(bins, number, distance of its center) for the particles about @a place whose kernels
+/// reach it, and others.
+template <class F>
+void ParticleAttributes::forEachAbout(const Vec3f& place, std::vector<Window>& windows, F&& f)
+{
+    for (Window& window : windows) {
+        const ParticleBins& bins = window.bins();
+        const Vec3d at = place.cast<double>(),
+                    reach = Vec3d::Constant(kSupport * bins.largestRadius());
+        for (const ParticleBins::Run& run : window.runsIn({at - reach, at + reach}))
+            for (std::uint32_t n = run.begin; n < run.end; ++n)
+                f(bins, n, (bins.center(n) - place).norm());
+    }
+}
+
+/// The distance to the nearest center: the radius of a drop, on its surface.
+float ParticleAttributes::distanceToCenter(const Vec3f& place, std::vector<Window>& windows)
+{
+    float nearest = std::numeric_limits<float>::infinity();
+    forEachAbout(place, windows, [&](const ParticleBins&, std::uint32_t, float distance) {
+        nearest = std::min(nearest, distance);
+    });
+    return nearest;
+}
+
+/// The weight of a particle of @a radius at a @a distance from its center. Where smaller ones set
+/// the @a scale, it is that of one of their size which lies at its border: a large drop does not
+/// reach farther over to a small one than that to it.
+float ParticleAttributes::weightOf(float distance, float radius, float scale)
+{
+    const float size = std::min(radius, scale);
+    const float at = std::max(distance - radius + size, 0.0f) / (float(kSupport) * size);
+    const float t = 1 - at * at;
+    return t > 0 ? t * t * t : 0;
+}
+
 ParticleAttributes::ParticleAttributes(const Particles& particles, const ParticleOctaves& octaves,
                                        bool velocities)
     : mParticles(particles), mOctaves(octaves),
@@ -78,20 +114,13 @@ void ParticleAttributes::evaluate(const Vec3f& place, std::vector<Window>& windo
 {
     std::fill(sums.begin(), sums.end(), 0.0);
     double all = 0;
-    for (Window& window : windows) {
-        const ParticleBins& bins = window.bins();
-        const Vec3d at = place.cast<double>(),
-                    reach = Vec3d::Constant(kSupport * bins.largestRadius());
-        for (const ParticleBins::Run& run : window.runsIn({at - reach, at + reach}))
-            for (std::uint32_t n = run.begin; n < run.end; ++n) {
-                const float support = float(kSupport) * bins.radius()[n];
-                const float t = 1 - (bins.center(n) - place).squaredNorm() / (support * support);
-                if (!(t > 0)) continue;
-                const double weight = double(t * t * t);
-                all += weight;
-                add(bins.order()[n], weight, sums);
-            }
-    }
+    const float scale = distanceToCenter(place, windows);
+    forEachAbout(place, windows, [&](const ParticleBins& bins, std::uint32_t n, float distance) {
+        const float weight = weightOf(distance, bins.radius()[n], scale);
+        if (!(weight > 0)) return;
+        all += double(weight);
+        add(bins.order()[n], double(weight), sums);
+    });
     if (!(all > 0)) {
         all = 1;
         add(nearestTo(place), 1, sums);

@@ -8,7 +8,8 @@
 namespace mpuvdb
 {
 
-/// Means over the particles about a place, weighted by their isotropic kernels there.
+/// Means over the particles about a place, weighted by isotropic kernels, which are no longer than
+/// those of the size that particles have there.
 class ParticleAttributes final : public SurfaceAttributes
 {
 public:
@@ -25,6 +26,10 @@ public:
 
 private:
     class Window;
+    template <class F>
+    static void forEachAbout(const Vec3f& place, std::vector<Window>& windows, F&& f);
+    static float distanceToCenter(const Vec3f& place, std::vector<Window>& windows);
+    static float weightOf(float distance, float radius, float scale);
     void evaluate(const Vec3f& place, std::vector<Window>& windows,
                   std::vector<double>& sums) const;
     /// Add @a weight times the channels of particle @a i to @a sums.
