@@ -1,4 +1,4 @@
-// Half-space, gyroid, and any function.
+// Half-space, and any function.
 #include "point_field.h"
 #include <mpuvdb/error.h>
 
@@ -23,40 +23,6 @@ public:
 
 private:
     Vec3d mPoint, mNormal;
-};
-
-/// |G| / max(|grad G|, sqrt 2) with G = sin x cos y + sin y cos z + sin z cos x is about the
-/// distance from the gyroid, on which G's slope is sqrt 2 at least.
-class Gyroid final : public PointField
-{
-public:
-    Gyroid(double period, double thickness) : mFrequency(2 * M_PI / period), mHalf(thickness / 2) {}
-
-    Box3d bounds() const override { return wholeSpace(); }
-    FieldSample evaluate(const Vec3d& p) const override
-    {
-        return {value(p), slope(p, kRelativeStep / mFrequency), -1, true};
-    }
-    double value(const Vec3d& p) const override
-    {
-        const Eigen::Array3d angle = mFrequency * p.array();
-        const Eigen::Array3d s = angle.sin(), c = angle.cos();
-        const double g = s[0] * c[1] + s[1] * c[2] + s[2] * c[0];
-        const Vec3d gradient(c[0] * c[1] - s[2] * s[0], c[1] * c[2] - s[0] * s[1],
-                             c[2] * c[0] - s[1] * s[2]);
-        return std::abs(g) / (mFrequency * std::max(gradient.norm(), M_SQRT2)) - mHalf;
-    }
-    bool isDistance() const override { return false; }
-    double steepness() const override { return kSteepness; }
-
-    /// Largest value, in periods. [derived: |G| <= 1.5 over its slope's floor]
-    static constexpr double kMaxDistance = 1.5 / (M_SQRT2 * 2 * M_PI);
-
-private:
-    /// Largest slope of the value. [derived: 1.498 is the largest of 1.5 million random places]
-    static constexpr double kSteepness = 1.51;
-
-    double mFrequency, mHalf;
 };
 
 double requireFinite(double value, const Vec3d& p)
@@ -152,18 +118,6 @@ FieldPtr makeHalfSpace(const Vec3d& point, const Vec3d& normal)
     if (!(length > 0) || !std::isfinite(length) || !point.allFinite())
         throw UsageError("half-space: its point must be finite, its normal too, and not zero");
     return std::make_shared<HalfSpace>(point, normal / length);
-}
-
-FieldPtr makeGyroid(double period, double thickness)
-{
-    if (!(period > 0) || !std::isfinite(period))
-        throw UsageError(fmt::format("gyroid: its period is {}; it must be above 0", period));
-    const double most = 1.8 * Gyroid::kMaxDistance;
-    if (!(thickness > 0 && thickness <= most * period))
-        throw UsageError(fmt::format("gyroid: its thickness is {}; it must be above 0 and at most "
-                                     "{:.3g}, {:.2g} of its period: thicker walls fill all space",
-                                     thickness, most * period, most));
-    return std::make_shared<Gyroid>(period, thickness);
 }
 
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
