@@ -273,6 +273,34 @@ TEST(Particles, RadiiOfAllSizesTogether)
     }
 }
 
+TEST(Particles, SmallOnesInALargeOneLeaveItsBall)
+{
+    // Radii a tenth to a half of the ball's in which they lie, and one far away, of a radius
+    // between.
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> along(-1, 1);
+    for (const float small : {0.1f, 0.3f, 0.5f}) {
+        std::vector<Vec3d> centers = {{0, 0, 0}, {9, 0, 0}};
+        std::vector<float> radii = {1, 0.4f};
+        while (centers.size() < 102) {
+            const Vec3d p(along(random), along(random), along(random));
+            if (p.norm() > 1 - double(small)) continue;
+            centers.push_back(p);
+            radii.push_back(small);
+        }
+        ParticleView view;
+        view.positions = centers;
+        view.radii = radii;
+        ParticleOptions options;
+        options.voxelSize = world(0.05);
+        const SolidComponents parts(particlesToLevelSet(importParticles(view), options).levelSet());
+        ASSERT_EQ(parts.measures().size(), 2u);
+        const double ball = 4 * M_PI / 3, volume = parts.measures().front().volume;
+        EXPECT_GT(volume, 0.998 * ball) << small;
+        EXPECT_LT(volume, 1.06 * ball) << small;
+    }
+}
+
 TEST(Particles, FarFromTheOriginIsAsNearIt)
 {
     std::vector<Vec3d> centers = box(6, 6, 6, 0.2);

@@ -82,6 +82,25 @@ void addKernel(Rows& rows, const Vec3f& center, const Vec3f& reach,
     }
 }
 
+/// Raise the rows of a block to scale * (1 - q^2), where q is the distance from a center over
+/// @a support. @param center, support  voxels of the block.
+MPUVDB_CLONES
+void raiseToBall(Rows& rows, const Vec3f& center, float support, float scale)
+{
+    const Range xs = rangeOf(center[0], support), ys = rangeOf(center[1], support);
+    const Lanes z = offsetsFrom(center[2]);
+    const float perSquare = 1 / (support * support);
+    for (int i = xs.first; i <= xs.last; ++i) {
+        const float x = float(i) - center[0];
+        for (int j = ys.first; j <= ys.last; ++j) {
+            const float y = float(j) - center[1];
+            const Lanes value = scale * (1 - perSquare * (z * z + (x * x + y * y)));
+            Lanes& row = rows[std::size_t(i * kBlockDim + j)];
+            row = value > row ? value : row;
+        }
+    }
+}
+
 /// Lower the rows of a block to the distances from a ball. @param center, radius, reach  voxels;
 /// what lies farther than the reach from the ball keeps its value.
 MPUVDB_CLONES
@@ -125,8 +144,9 @@ protected:
     Lattice mLattice;
 };
 
-/// The cube root of the iso value less that of the sum of all kernels: of a lone particle, it is
-/// its squared distance.
+/// The cube root of the iso value less that of the sum of all kernels, or of the largest lone
+/// kernel where that is more: of a lone particle, it is its squared distance. Smaller particles in
+/// a ball have a share in the sum, and would bring the surface down to themselves.
 class KernelFunction final : public BlockFunction
 {
 public:
@@ -143,22 +163,27 @@ public:
     void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const override
     {
         rows.fill(Lanes{});
+        Rows balls;
+        balls.fill(Lanes{});
         std::size_t count = 0;
         const double h = mLattice.voxelSize;
         const auto size = float(h), square = float(h * h);
         const Eigen::Array3f low = box.min().cast<float>(), high = box.max().cast<float>();
         mKernels.forEachNear(box, [&](const ParticleKernel& kernel) {
             if (++count % kBetweenChecks == 0) progress.check();
-            const Eigen::Array3f center = kernel.center, reach = kernel.reach;
+            const float ball = kernel.hasBall() ? kernel.loneSupport : 0;
+            const Eigen::Array3f center = kernel.center, reach = kernel.reach.cwiseMax(ball);
             if ((center + reach < low).any() || (center - reach > high).any()) return;
             const Vec3f at = ((kernel.center.cast<double>() - box.min()) / h).cast<float>();
             std::array<float, 6> form;
             for (std::size_t n = 0; n < form.size(); ++n) form[n] = square * kernel.form[n];
             addKernel(rows, at, kernel.reach / size, form, kernel.weight);
+            if (ball > 0) raiseToBall(balls, at, ball / size, std::cbrt(kernel.loneWeight));
         });
         const float root = outside();
-        for (Lanes& row : rows)
-            for (int k = 0; k < kBlockDim; ++k) row[k] = root - std::cbrt(row[k]);
+        for (std::size_t n = 0; n < rows.size(); ++n)
+            for (int k = 0; k < kBlockDim; ++k)
+                rows[n][k] = root - std::max(std::cbrt(rows[n][k]), balls[n][k]);
     }
 
 private:

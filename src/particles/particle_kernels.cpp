@@ -44,11 +44,28 @@ constexpr double kLeastAxis = 1.0108;
 
 /// Sums over the neighbors of a particle, eight of them at a time.
 struct Sums {
-    Lanes count{}, kernel{}, weight{}, x{}, y{}, z{}, xx{}, yy{}, zz{}, xy{}, xz{}, yz{};
+    Lanes count{}, kernel{}, peers{}, smaller{}, weight{}, x{}, y{}, z{}, xx{}, yy{}, zz{}, xy{},
+        xz{}, yz{};
+};
+
+/// A particle whose neighbors are summed, by the reciprocals that this takes.
+struct Center {
+    Vec3f place;
+    float perRadius;
+    float perNeighbors, perSupport, perLoneSupport; ///< of the squares of these radii
+
+    Center(const Vec3f& at, double radius)
+        : place(at), perRadius(float(1 / radius)), perNeighbors(square(kNeighbors * radius)),
+          perSupport(square(kSupport * radius)), perLoneSupport(square(kLoneSupport * radius))
+    {
+    }
+
+private:
+    static float square(double length) { return float(1 / (length * length)); }
 };
 
 struct Places {
-    const float *x, *y, *z, *volume;
+    const float *x, *y, *z, *radius, *volume;
 };
 
 float sum(const Lanes& v)
@@ -56,24 +73,37 @@ float sum(const Lanes& v)
     return ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]));
 }
 
-/// Add the particles of @a run about @a center. @param neighbors  1 / R^2. @param support  1 / s^2.
+/// (1 - q^2)^3 where that is above 0.
+Lanes kernelAt(const Lanes& squares)
+{
+    Lanes t = 1 - squares;
+    t = t > 0 ? t : Lanes{};
+    return t * t * t;
+}
+
+/// Add the particles of @a run about @a center.
 MPUVDB_CLONES
 void addNeighbors(Sums& sums, const Places& places, const ParticleBins::Run& run,
-                  const Vec3f& center, float neighbors, float support)
+                  const Center& center)
 {
     const Numbers lane = {0, 1, 2, 3, 4, 5, 6, 7};
     for (std::uint32_t n = run.begin; n < run.end; n += kLanes) {
-        const Lanes x = lanesAt<Lanes>(places.x + n) - center.x(),
-                    y = lanesAt<Lanes>(places.y + n) - center.y(),
-                    z = lanesAt<Lanes>(places.z + n) - center.z();
-        const Lanes square = x * x + y * y + z * z, far = square * neighbors;
+        const Lanes x = lanesAt<Lanes>(places.x + n) - center.place.x(),
+                    y = lanesAt<Lanes>(places.y + n) - center.place.y(),
+                    z = lanesAt<Lanes>(places.z + n) - center.place.z();
+        const Lanes square = x * x + y * y + z * z, far = square * center.perNeighbors;
         const Numbers isNear = (far < 1) & (lane < int(run.end - n));
         const Lanes volume = isNear ? lanesAt<Lanes>(places.volume + n) : Lanes{};
         const Lanes fading = 1 - far * far, weight = isNear ? volume * fading : Lanes{};
         sums.count += isNear ? fading : Lanes{};
-        Lanes kernel = 1 - square * support;
-        kernel = kernel > 0 ? kernel : Lanes{};
-        sums.kernel += volume * (kernel * kernel * kernel);
+        sums.kernel += volume * kernelAt(square * center.perSupport);
+        // Those half as large, and smaller ones, do not fill a particle's room; its equals do.
+        Lanes share = 2 * center.perRadius * lanesAt<Lanes>(places.radius + n) - 1;
+        share = share > 0 ? share : Lanes{};
+        share = share < 1 ? share : Lanes{} + 1;
+        const Lanes lone = volume * kernelAt(square * center.perLoneSupport);
+        sums.peers += share * lone;
+        sums.smaller += (1 - share) * lone;
         sums.weight += weight;
         const Lanes wx = weight * x, wy = weight * y, wz = weight * z;
         sums.x += wx;
@@ -172,28 +202,21 @@ ParticleKernel kernelOf(const Vec3f& center, const Axes& axes)
 class ParticleKernels::Neighbors
 {
 public:
-    /// Those in @a box of octave @a o and of the two beside it: much smaller and much larger ones
-    /// say nothing of a particle's surroundings.
-    Neighbors(const ParticleOctaves& octaves, std::size_t o, const Box3d& box)
+    /// Those in @a box.
+    Neighbors(const ParticleOctaves& octaves, const Box3d& box)
     {
-        const std::size_t first = o > 0 ? o - 1 : 0, last = std::min(o + 1, octaves.size() - 1);
-        for (std::size_t n = first; n <= last; ++n) {
-            const ParticleBins& bins = octaves[n];
-            const Places places{bins.x(), bins.y(), bins.z(), bins.volume()};
+        for (const ParticleBins& bins : octaves) {
+            const Places places{bins.x(), bins.y(), bins.z(), bins.radius(), bins.volume()};
             bins.forEachRunIn(box, [&](const ParticleBins::Run& run) {
                 mRuns.push_back({places, run});
             });
         }
     }
-    /// The sums about a particle of @a radius.
-    Sums about(const Vec3f& center, double radius) const
+    /// The sums about a particle.
+    Sums about(const Center& center) const
     {
-        const auto square = [&](double radii) {
-            return float(1 / (radii * radii * radius * radius));
-        };
-        const float s = square(kSupport), r = square(kNeighbors);
         Sums sums;
-        for (const auto& [places, run] : mRuns) addNeighbors(sums, places, run, center, r, s);
+        for (const auto& [places, run] : mRuns) addNeighbors(sums, places, run, center);
         return sums;
     }
     double sumOf(const ParticleKernel& kernel) const
@@ -229,14 +252,16 @@ void ParticleKernels::makeBin(std::size_t octave, std::size_t bin, Interrupter& 
     const Vec3d corner = bins.lowerCorner(own.at),
                 reach = Vec3d::Constant(std::max(kNeighbors, kLongestAxis * kSupport) *
                                         bins.largestRadius());
-    const Neighbors neighbors(mOctaves, octave,
+    const Neighbors neighbors(mOctaves,
                               {corner - reach, corner + Vec3d::Constant(bins.side()) + reach});
     for (std::uint32_t n = own.run.begin; n < own.run.end; ++n) {
         progress.check();
         const double radius = double(bins.radius()[n]), volume = double(bins.volume()[n]);
-        const Axes axes = axesOf(neighbors.about(bins.center(n), radius), radius, volume);
-        ParticleKernel kernel = kernelOf(bins.center(n), axes);
+        const Sums sums = neighbors.about({bins.center(n), radius});
+        ParticleKernel kernel = kernelOf(bins.center(n), axesOf(sums, radius, volume));
         kernel.weight = float(volume / neighbors.sumOf(kernel));
+        kernel.loneSupport = float(kLoneSupport * radius);
+        kernel.loneWeight = sum(sums.smaller) > 0 ? float(volume) / sum(sums.peers) : 0;
         mKernels[octave][n] = kernel;
     }
 }

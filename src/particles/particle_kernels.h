@@ -21,12 +21,17 @@ constexpr double kIsoValue = 0.651;
 constexpr double kLongestAxis = 1.5874011;
 
 /// A kernel: weight * max(0, 1 - q^2)^3, where q^2 is a quadratic form of the place from its
-/// center.
+/// center; and the one that the particle has alone, in which smaller ones do not share.
 struct ParticleKernel {
     Vec3f center;              ///< world units, relative to the frame
     Vec3f reach;               ///< half of its box, world units
     std::array<float, 6> form; ///< coefficients of xx, yy, zz, 2 xy, 2 xz, 2 yz; per world unit^2
     float weight;              ///< of the kernel; the particle's volume over the sum at its center
+    float loneSupport;         ///< of the kernel that a lone particle has, world units
+    float loneWeight;          ///< of that kernel, without smaller ones; 0 where there are none
+
+    /// Whether the lone kernel reaches the iso value.
+    bool hasBall() const { return double(loneWeight) > kIsoValue; }
 };
 
 /// The kernels of particles, which are made where they are needed.
