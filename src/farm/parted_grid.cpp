@@ -1,8 +1,5 @@
 #include "parted_grid.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace mpuvdb
 {
 
@@ -40,18 +37,6 @@ std::optional<Coord> PartedGrid::above(const Coord& cube) const
     if (next == mParts.end()) return std::nullopt;
     const Coord& at = next->first;
     return at[0] == cube[0] && at[1] == cube[1] ? std::optional(at) : std::nullopt;
-}
-
-std::vector<Coord> PartedGrid::cubesAround() const
-{
-    std::vector<Coord> cubes;
-    for (const auto& [cube, file] : mParts)
-        for (int x = -1; x <= 1; ++x)
-            for (int y = -1; y <= 1; ++y)
-                for (int z = -1; z <= 1; ++z) cubes.push_back(cube.offsetBy(x, y, z));
-    std::sort(cubes.begin(), cubes.end());
-    cubes.erase(std::unique(cubes.begin(), cubes.end()), cubes.end());
-    return cubes;
 }
 
 } // namespace mpuvdb

@@ -37,8 +37,6 @@ public:
     std::vector<ArrayFile> files() const;
     /// The next part above @a cube, on the same line along z.
     std::optional<openvdb::Coord> above(const openvdb::Coord& cube) const;
-    /// The cubes with leaves, and those about them, sorted.
-    std::vector<openvdb::Coord> cubesAround() const;
 
 private:
     Lattice mLattice;

@@ -143,11 +143,13 @@ private:
         fs::create_directory(parts);
         std::vector<std::string> faults;
         PartedGrid grid = mGrid;
+        // Parts of all levels are made of as many voxels: a tile's, and those about it.
+        const int edge = mGrid.edge() / kCoarsening;
         int voxels = 1; // of the finest grid along one of the coarser
         for (const int factor : kLevels) {
             for (; voxels < factor && !grid.parts().empty(); voxels *= kCoarsening)
-                grid = coarserGrid(grid, mContent.levelSet, parts / std::to_string(voxels), faults,
-                                   mProgress);
+                grid = coarserGrid(grid, mContent.levelSet, edge, parts / std::to_string(voxels),
+                                   faults, mProgress);
             if (grid.parts().empty()) break; // nothing is as large as its voxels
             const openvdb::GridBase::Ptr whole =
                 gridOfLeaves(grid.files(), mContent.levelSet, {}, mProgress);
