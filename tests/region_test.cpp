@@ -155,7 +155,7 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
             readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, {}, {}, &progress);
         clean(input.cloud, {}, &progress);
         test::Uncleaned settings;
-        settings.voxels = 250;
+        settings.voxels = 150;
         expectSameInRegions(input.cloud, settings, 6, 3, 60);
     }
 }

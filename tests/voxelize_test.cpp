@@ -137,6 +137,8 @@ double distanceTo(const Mesh& mesh, const Vec3d& p)
     double least = HUGE_VAL;
     for (const Mesh::Triangle& t : mesh.triangles) {
         const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+        // No place of a triangle is farther from a corner than another corner is.
+        if ((p - a).norm() - std::max((b - a).norm(), (c - a).norm()) > least) continue;
         const Vec3d normal = (b - a).cross(c - a).normalized();
         const auto isLeft = [&](const Vec3d& from, const Vec3d& to) {
             return normal.dot((to - from).cross(p - from)) >= 0;
