@@ -92,6 +92,11 @@ class Progress(unittest.TestCase):
 
 
 class Interrupts(FolderTest):
+    def setUp(self):
+        super().setUp()
+        # Shells start what is in the background with Ctrl-C ignored, and Python leaves it so.
+        self.addCleanup(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler))
+
     def interrupt(self, work, after=0.4):
         """Seconds from SIGINT until work() has raised KeyboardInterrupt."""
         sent = []
