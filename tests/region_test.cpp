@@ -125,6 +125,27 @@ TEST(Region, IsTheSameAsTheWholeOnCoarseData)
     expectSameInRegions(test::randomScan("blob(1, 20, 0.05)", 3000), voxelSize(0.012), 10, 6, 40);
 }
 
+/// Where surfaces cross at an acute angle, narrow parts are cut into pieces by chance, and a piece
+/// in a region may be one of a cut that goes on beyond it, which data support.
+TEST(Region, IsTheSameAsTheWholeWhereSurfacesCross)
+{
+    PointCloud cloud = test::randomScan("torus(1, 0.4)", 40000);
+    const PointCloud other = test::randomScan("difference(box(2, 2, 1), cylinder(0.4, 3))", 60000);
+    cloud.positions.insert(cloud.positions.end(), other.positions.begin(), other.positions.end());
+    cloud.normals.insert(cloud.normals.end(), other.normals.begin(), other.normals.end());
+    test::Uncleaned settings = voxelSize(0.018666);
+    Interrupter progress;
+    const LevelSet whole = reconstruct(PointCloud(cloud), settings, &progress).levelSet();
+    for (const double z : {-0.5, 0.0, 0.18})
+        for (const double x : {-1.35, -0.7, 0.1, 0.7}) {
+            const Box3d box(Vec3d(x, 0.91, z), Vec3d(x + 1.16, 1.61, z + 0.95));
+            settings.region = lengths(box);
+            const ReconstructResult part = reconstruct(PointCloud(cloud), settings, &progress);
+            EXPECT_EQ(differences(part.levelSet(), whole, voxelsIn(box, whole.lattice())), 0u)
+                << "box at " << box.min().transpose();
+        }
+}
+
 TEST(Region, OfCoarseDataIsSampledOnce)
 {
     // Steps of voxels along a smooth surface are narrow all around it; none of them is a handle.

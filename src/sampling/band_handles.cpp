@@ -378,11 +378,19 @@ std::size_t Band::removeHandles()
     };
     // A handle's tunnel and its bridge touch: one of the two cuts is enough.
     const auto isSettled = [&](VoxelId v) { return blocks.neighborhood(settled, v) != 0; };
+    // A cut may be a piece of a larger one, which data support.
+    const auto isDoubtful = [&](const Cut& cut) {
+        const std::vector<SignWords>& doubtful = cut.inside ? bridges.doubtful : tunnels.doubtful;
+        return mZone && std::any_of(cut.voxels.begin(), cut.voxels.end(), [&](VoxelId v) {
+                   return contains(doubtful, v) && isWanted(mBlocks[v / kBlockVoxels].at);
+               });
+    };
     std::vector<const Cut*> taken;
     for (const Cut& cut : cuts) {
         mProgress.check();
         if (std::any_of(cut.voxels.begin(), cut.voxels.end(), isSettled)) continue;
         if (isSupported(cut.voxels, cut.deepest, cut.isThinPart)) continue;
+        mIsCertain &= !isDoubtful(cut);
         turnAll(cut);
         taken.push_back(&cut);
     }
