@@ -239,5 +239,28 @@ TEST(EstimateNormals, LookTowardsTheViewpoint)
     EXPECT_EQ(cloud.seenFrom.size(), 1u);
 }
 
+TEST(EstimateNormals, TellOfWhatClosesNoSolid)
+{
+    Interrupter progress;
+    const auto shareOf = [&](PointCloud cloud) {
+        cloud.normals.clear();
+        const EstimatedNormals used = estimateNormals(cloud, {}, &progress);
+        return double(used.unclosed) / double(cloud.size());
+    };
+    for (const char* const solid :
+         {"torus(1,0.4)", "box(1,2,3)", "difference(sphere(1),sphere(0.8))"})
+        for (const double noise : {0.0, 0.01}) // of sheets that are 20 deviations apart
+            EXPECT_LT(shareOf(scanned(solid, 20000, Pattern::Random, noise)), 0.25)
+                << solid << " noise " << noise << " seed " << kSeed;
+    PointCloud cap = scanned("sphere(1)", 20000, Pattern::Random);
+    std::vector<std::uint8_t> keep(cap.size());
+    for (std::size_t i = 0; i < cap.size(); ++i) keep[i] = cap.positions[i].z() > 0.7f;
+    cap.compact(keep);
+    EXPECT_GT(shareOf(cap), 0.75);
+    cap.viewpoints = {{Vec3d(0, 0, 9), false}};
+    cap.seenFrom.assign(cap.size(), 0);
+    EXPECT_EQ(shareOf(cap), 0);
+}
+
 } // namespace
 } // namespace mpuvdb

@@ -28,7 +28,9 @@ struct CleanReport {
     std::uint64_t flipped = 0;            ///< normals turned
     bool hadNormals = false;              ///< before
     std::optional<int> estimateNeighbors; ///< points per plane where normals were estimated
-    double onLines = 0; ///< share of the points whose neighbors all lie on a line, if estimated
+    double onLines = 0;  ///< share of the points whose neighbors all lie on a line, if estimated
+    double unclosed = 0; ///< share of the points that are not of a closed solid, if normals were
+                         ///< estimated without viewpoints
     std::uint64_t turned = 0; ///< normals of closed parts that looked inward as a whole, and were
                               ///< turned
     bool inward = false;      ///< normals point inward, so that inside and outside are exchanged
@@ -41,6 +43,8 @@ struct CleanReport {
         constexpr double kMaxOnLines = 0.05;
         return onLines > kMaxOnLines;
     }
+    /// Whether which side is outside is a guess: for most points no solid tells.
+    bool guessesOutside() const { return unclosed > 0.5; }
 };
 
 /// Leave out outliers, and see to the normals; the points come out in Morton order. Fewer than 1000

@@ -10,9 +10,11 @@ namespace mpuvdb
 
 /// What estimateNormals() went by.
 struct EstimatedNormals {
-    int neighbors = 0;         ///< points per plane, at least
-    std::uint64_t onLines = 0; ///< points whose neighbors, hundreds of them, lie on one line, so
-                               ///< that their planes are arbitrary
+    int neighbors = 0;          ///< points per plane, at least
+    std::uint64_t onLines = 0;  ///< points whose neighbors, hundreds of them, lie on one line, so
+                                ///< that their planes are arbitrary
+    std::uint64_t unclosed = 0; ///< points at which the winding number of all is not about a half,
+                                ///< as it is on a solid; 0 where viewpoints tell the outside
 };
 
 /// Fill cloud.normals by local least-squares planes, of the point's own sheet where another is

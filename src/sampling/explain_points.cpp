@@ -286,13 +286,15 @@ void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexM
 /// Add findings to @a e.
 void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& points)
 {
-    if (points.fillSolid)
+    if (points.fillSolid) { // which no normals fit either
         e.findings.push_back(
             "the points fill a solid: there is no surface that they lie about, at any scale, and "
             "the one that was made runs through their midst. Make a level set of the solid that "
             "they fill with mpuvdb particles (Python: mpuvdb.particles), or give points on its "
             "surface");
-    else if (1 - e.within > kMaxUnexplained)
+        return;
+    }
+    if (1 - e.within > kMaxUnexplained)
         e.findings.push_back(fmt::format(
             "{:.1f} % of the points are farther than {:.3g} from the surface (half a voxel, the "
             "tolerance, and three times the noise of {:.2g}): it does not show what they do. Look "

@@ -79,6 +79,7 @@ private:
             const EstimatedNormals estimated = estimateNormals(mCloud, *mIndex, {}, mProgress);
             mReport.estimateNeighbors = estimated.neighbors;
             mReport.onLines = double(estimated.onLines) / double(mCloud.size());
+            mReport.unclosed = double(estimated.unclosed) / double(mCloud.size());
             return true;
         }
         // A range image knows its outside.

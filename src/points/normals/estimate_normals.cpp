@@ -186,16 +186,20 @@ std::vector<float> areasOf(const std::vector<Vec3f>& positions, const PlaneGraph
 /// Turn pieces of @a parts that look the other way than the rest, by windingVotes(): neighbors at a
 /// contact or a thin rim can join bodies the wrong way round. Ends when the number fits no better.
 /// @param turned  of each position, what the graph's normals were turned by; becomes what they are.
-void turnByWinding(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& parts,
-                   PlaneGraph& graph, std::vector<char>& turned, Interrupter& progress)
+/// @return the number of points at which the winding number is not clearly a half.
+std::size_t turnByWinding(const std::vector<Vec3f>& positions,
+                          const std::vector<std::uint32_t>& parts, PlaneGraph& graph,
+                          std::vector<char>& turned, Interrupter& progress)
 {
     std::vector<char> before;
+    std::size_t unclosed = 0;
     for (double least = std::numeric_limits<double>::infinity();;) {
         const WindingVotes votes =
             windingVotes({positions, graph.normals, parts}, areasOf(positions, graph), graph.noise,
                          {graph.links, turned}, progress);
         const bool fitsBetter = votes.misfit < least;
-        if (fitsBetter && votes.against == 0) return;
+        if (fitsBetter) unclosed = votes.unclosed;
+        if (fitsBetter && votes.against == 0) return unclosed;
         turn(graph.normals, turned);
         if (fitsBetter) {
             least = votes.misfit;
@@ -205,14 +209,15 @@ void turnByWinding(const std::vector<Vec3f>& positions, const std::vector<std::u
             turned = before;
         }
         turn(graph.normals, turned);
-        if (!fitsBetter || votes.done) return;
+        if (!fitsBetter || votes.done) return unclosed;
     }
 }
 
 /// Turn the normals of each part to one side: towards the scanners, or else outward.
 /// @param toScanner  of each position the unit direction to its scanner, zero without; or empty.
-void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toScanner,
-            PlaneGraph& graph, Interrupter& progress)
+/// @return the number of points of which it is a guess.
+std::size_t orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toScanner,
+                   PlaneGraph& graph, Interrupter& progress)
 {
     // The scanners are one node more, which is never turned.
     const auto scanners = std::uint32_t(positions.size());
@@ -227,13 +232,15 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toSca
     Orientation found = solveOrientation(positions.size() + 1, graph.links, progress);
     const std::vector<std::uint32_t> parts = std::move(found.parts);
     turn(graph.normals, found.turned);
-    if (toScanner.empty()) turnByWinding(positions, parts, graph, found.turned, progress);
+    std::size_t guessed = 0;
+    if (toScanner.empty()) guessed = turnByWinding(positions, parts, graph, found.turned, progress);
     std::vector<char> inward = findInwardParts({positions, graph.normals, parts}, progress);
     const std::uint32_t seen = parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];
     forEachParallel(positions.size(), kNormalGrain, progress, [&](std::size_t i) {
         if (inward[parts[i]]) graph.normals[i] = -graph.normals[i];
     });
+    return guessed;
 }
 
 /// For each of the @a distinct positions, which those of the cloud are at @a placeOf, the direction
@@ -360,9 +367,9 @@ EstimatedNormals estimateNormals(PointCloud& cloud, const PointIndex& index,
     EstimatedNormals used;
     const auto pass = [&](int count, double noise) {
         PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
-        orient(distinct.positions, towardsScanner, graph, progress);
+        const std::size_t guessed = orient(distinct.positions, towardsScanner, graph, progress);
         distinct.normals = std::move(graph.normals);
-        used = {count, graph.onLines};
+        used = {count, graph.onLines, guessed};
     };
     // Without normals, two close sheets are one noisy one. With some, they differ; where it
     // then is noise, a second round knows how much.

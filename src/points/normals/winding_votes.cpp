@@ -243,6 +243,8 @@ private:
         const Samples samples = samplesOf(part, mAreas, mWindings.numbers);
         const double misfit = misfitOf(samples.areas, samples.off);
         mVotes.misfit += misfit;
+        for (const std::uint32_t i : part.points)
+            mVotes.unclosed += mWindings.sayings[i] != kRight ? 1 : 0;
         const std::vector<Piece> pieces = piecesOf(part, reversed, samples, misfit);
         const Turning turning = bestTurning(samples, pieces, mWindings.sayings);
         const std::size_t before = mVotes.against;

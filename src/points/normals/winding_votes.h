@@ -24,6 +24,7 @@ struct WindingVotes {
     std::size_t nodes = 0;   ///< one more than the last node; the points are the first ones
     std::size_t against = 0; ///< points that are to look the other way than they do
     bool done = true;        ///< so few of each part that the others' numbers hardly depend on them
+    std::size_t unclosed = 0; ///< points at which the number is not clearly a half
     double misfit = 0; ///< of the normals as they are; see windingVotes(), world units squared
 };
 
