@@ -467,6 +467,51 @@ TEST_F(SmallVerbs, ColorsOfMeshesGoToTheGridAndThroughBooleans)
     }
 }
 
+TEST_F(SmallVerbs, BooleansTellOfAttributesThatAnInputLacks)
+{
+    writeFile(folder / "a.ply", boxPly(0, "255 0 0", "255 0 0"));
+    mpuvdb({"voxelize", "a.ply", "-o", "a.vdb", "--voxel-size", "0.05"});
+    const LevelSet ball = sampledSolid("translate(sphere(0.4),1,0.5,0.5)", h);
+    auto heat = openvdb::FloatGrid::create(0);
+    heat->setName("heat");
+    heat->setTransform(ball.grid().transform().copy());
+    heat->topologyUnion(ball.grid());
+    for (auto on = heat->beginValueOn(); on; ++on) on.setValue(5);
+    write("plain.vdb", ball);
+    write("hot.vdb", ball, {heat});
+    const auto lacks = [](const Ended& ended, const std::string& file, const std::string& what) {
+        return std::regex_search(ended.err, std::regex(file + ": .*'surface' has no " + what));
+    };
+    for (const char* const verb : {"union", "difference", "xor"}) {
+        SCOPED_TRACE(verb);
+        const Ended ended = mpuvdb({verb, "a.vdb", "plain.vdb", "-o", "c.vdb"});
+        EXPECT_TRUE(lacks(ended, "plain.vdb", "colors")) << ended.err;
+        EXPECT_FALSE(lacks(ended, "a.vdb", "")) << ended.err;
+        mpuvdb({"mesh", "c.vdb", "-o", "c.ply"});
+        const Mesh mesh = readMesh(folder / "c.ply");
+        ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
+        std::size_t white = 0;
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n) {
+            const Vec3d p = mesh.world(n);
+            const double toBall = std::abs((p - Vec3d(1, 0.5, 0.5)).norm() - 0.4);
+            const double toBox =
+                std::abs(parseSolid("translate(box(1,1,1),0.5,0.5,0.5)")->distance(p));
+            if (std::abs(toBall - toBox) < 0.1) continue;
+            const bool isBall = toBall < toBox;
+            ASSERT_NEAR(mesh.colors[n].x(), 1, 0.01);
+            ASSERT_NEAR(mesh.colors[n].y(), isBall ? 1 : 0, 0.01) << p.transpose();
+            white += isBall;
+        }
+        EXPECT_GT(white, 100u);
+    }
+    const Ended ended = mpuvdb({"union", "a.vdb", "hot.vdb", "-o", "c.vdb"});
+    EXPECT_TRUE(lacks(ended, "hot.vdb", "colors")) << ended.err;
+    EXPECT_TRUE(lacks(ended, "a.vdb", "'heat'")) << ended.err;
+    EXPECT_EQ(gridsOf("c.vdb"), (Words{"Cd", "heat", "surface"}));
+    const Ended quiet = mpuvdb({"union", "a.vdb", "a.vdb", "-o", "c.vdb"});
+    EXPECT_EQ(quiet.err.find("has no"), std::string::npos) << quiet.err;
+}
+
 TEST_F(SmallVerbs, NumbersAtVerticesBecomeGrids)
 {
     // A box with a number that is linear along x, one of another name, and one that is not finite.

@@ -27,8 +27,8 @@ struct Operand {
 
 /// The attributes of a Boolean's result: at each place those of the operand whose surface is
 /// nearest, of equals of the first. Colors are those of Vec3f grids called kColorName, scalars the
-/// float grids on the voxels of the operand's band; an attribute that only other operands have is
-/// 0. Other grids (level sets, volumes) are left out, and so is the coverage.
+/// float grids on the voxels of the operand's band; where only other operands have them, colors are
+/// white, scalars 0. Other grids (level sets, volumes) are left out, and so is the coverage.
 std::unique_ptr<SurfaceAttributes> attributesOfOperands(const std::vector<Operand>& operands);
 
 /// The coverage of a solid that was cut by another one, for the result of the cut: 1 on what is

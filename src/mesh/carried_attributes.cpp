@@ -107,8 +107,9 @@ public:
     void append(const openvdb::Vec3d& world, bool withColors, std::vector<float>& values) const
     {
         if (withColors) {
+            // White is the color of what has none.
             const openvdb::Vec3s color =
-                mSource.colors ? valueAt(*mSource.colors, world) : openvdb::Vec3s(0);
+                mSource.colors ? valueAt(*mSource.colors, world) : openvdb::Vec3s(1);
             values.insert(values.end(), {color[0], color[1], color[2]});
         }
         for (const FloatGrid::ConstPtr& scalar : mSource.scalars)

@@ -31,6 +31,8 @@ protected:
         operands.reserve(inputs.size());
         for (const GridInput& input : inputs) operands.push_back({input.levelSet, input.others});
         const auto attributes = attributesOfOperands(operands);
+        for (std::size_t n = 0; n < inputs.size(); ++n)
+            warnOfLacks(inputs[n], *attributesOfOperands({operands[n]}), *attributes, session);
         openvdb::GridCPtrVec grids;
         if (attributes->channels() > 0)
             for (const auto& grid : sampleAttributes(made, *attributes, &session.progress()))
@@ -49,6 +51,24 @@ protected:
         for (const openvdb::GridBase::ConstPtr& other : inputs.front().others)
             if (!isCarried(other) && !isOperand(other)) grids.push_back(other);
         return grids;
+    }
+
+private:
+    /// Tell of the attributes of the result that an input does not have.
+    static void warnOfLacks(const GridInput& input, const SurfaceAttributes& own,
+                            const SurfaceAttributes& all, Session& session)
+    {
+        const auto warn = [&](const std::string& attribute, const char* value) {
+            session.warn(fmt::format("{}: '{}' has no {}, which other inputs have: what is left of "
+                                     "its surface gets {}",
+                                     input.file, input.levelSet.grid().getName(), attribute,
+                                     value));
+        };
+        if (all.hasColors() && !own.hasColors()) warn("colors", "white");
+        const std::vector<std::string>& names = own.scalarNames();
+        for (const std::string& name : all.scalarNames())
+            if (std::find(names.begin(), names.end(), name) == names.end())
+                warn("'" + name + "'", "0");
     }
 };
 
