@@ -85,6 +85,38 @@ TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
     EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
 }
 
+TEST_F(SmallVerbs, MergeNumbersEqualNamesOfAFile)
+{
+    const auto named = [](const char* name, float value) {
+        auto grid = openvdb::FloatGrid::create(0);
+        grid->setName(name);
+        grid->fill(openvdb::CoordBBox(openvdb::Coord(0), openvdb::Coord(3)), value);
+        return grid;
+    };
+    writeGrids(folder / "a.vdb", {named("density", 1), named("density", 2), named("density_2", 3),
+                                  named("density", 4)});
+    const auto valueOf = [&](const std::string& file, const std::string& name) {
+        for (const auto& grid : readGrids(folder / file))
+            if (grid->getName() == name)
+                return openvdb::gridPtrCast<openvdb::FloatGrid>(grid)->tree().getValue({1, 1, 1});
+        return 0.f;
+    };
+    const Ended ended = mpuvdb({"merge", "a.vdb", "-o", "all.vdb"});
+    EXPECT_EQ(gridsOf("all.vdb"), (Words{"density", "density_2", "density_3", "density_4"}));
+    EXPECT_EQ(valueOf("all.vdb", "density_2"), 3) << "a name of its own";
+    EXPECT_NE(ended.err.find("'density' of a.vdb: 'density_3'"), std::string::npos) << ended.err;
+    float sum = 0;
+    for (const char* const name : {"density", "density_3", "density_4"})
+        sum += valueOf("all.vdb", name);
+    EXPECT_EQ(sum, 1 + 2 + 4) << "each once";
+    mpuvdb({"merge", "b=a.vdb", "a.vdb", "-o", "named.vdb"});
+    EXPECT_EQ(gridsOf("named.vdb"), (Words{"b_density", "b_density_2", "b_density_3", "b_density_4",
+                                           "density", "density_2", "density_3", "density_4"}));
+    mpuvdb({"merge", "all.vdb", "a.vdb", "-o", "both.vdb"});
+    EXPECT_EQ(gridsOf("both.vdb"), (Words{"a_density", "a_density_2", "a_density_3", "a_density_4",
+                                          "density", "density_2", "density_3", "density_4"}));
+}
+
 TEST_F(SmallVerbs, StatusTellsOfAJobThatIsNotDone)
 {
     mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
+#include <set>
 
 namespace mpuvdb::command
 {
@@ -66,7 +67,8 @@ public:
         app.add_option("input", mInputs,
                        "Files (.vdb); NAME=FILE.vdb names the file's grid, or of several each\n"
                        "NAME_GRID. Of grids with equal names the later ones are called as their\n"
-                       "file, or FILE_GRID. - is standard input. Or the folder of one job")
+                       "file, or FILE_GRID; in one file they are numbered: GRID, GRID_2. - is\n"
+                       "standard input. Or the folder of one job")
             ->required()
             ->type_name("[NAME=]IN.vdb");
         app.add_option("-o,--output", mOutput,
@@ -188,11 +190,14 @@ private:
         readFile(input.file, ".vdb", [&](const std::filesystem::path& path) {
             grids = readGrids(path, session.bytesLeft(), &session.progress());
         });
-        for (const openvdb::GridBase::Ptr& grid : grids) {
+        const std::vector<std::string> names = distinctNames(grids);
+        for (std::size_t n = 0; n < grids.size(); ++n) {
+            const openvdb::GridBase::Ptr& grid = grids[n];
             session.hold(grid->memUsage());
-            const std::string own = grid->getName();
-            std::string name = input.name.empty() ? own : input.nameFor(own, grids.size());
-            if (isTaken(name)) name = input.nameFor(own, grids.size());
+            const std::string own = grid->getName(),
+                              longName = input.nameFor(names[n], grids.size());
+            std::string name = input.name.empty() ? names[n] : longName;
+            if (isTaken(name)) name = longName;
             if (name.empty() || isTaken(name))
                 throw UsageError(fmt::format("{}: its grid '{}' cannot be called '{}', as another "
                                              "one is. Write NAME={}",
@@ -203,6 +208,24 @@ private:
             mList.push_back({{"name", name}, {"file", input.file}, {"was", own}});
             mGrids.push_back(grid);
         }
+    }
+
+    /// The names of @a grids, all of one file; repeats are numbered from 2 on, as no other is.
+    static std::vector<std::string> distinctNames(const openvdb::GridPtrVec& grids)
+    {
+        std::set<std::string> own, given;
+        for (const openvdb::GridBase::Ptr& grid : grids) own.insert(grid->getName());
+        std::vector<std::string> names;
+        for (const openvdb::GridBase::Ptr& grid : grids) {
+            std::string name = grid->getName();
+            for (int number = 2; given.count(name) > 0; ++number) {
+                const std::string next = fmt::format("{}_{}", grid->getName(), number);
+                if (own.count(next) == 0) name = next;
+            }
+            given.insert(name);
+            names.push_back(std::move(name));
+        }
+        return names;
     }
 
     bool isTaken(const std::string& name) const
