@@ -104,11 +104,12 @@ void bindArrays(LevelSetClass& levelSets)
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
                double voxelSize, double halfWidth) {
                 return run(py::none(), [&](Interrupter& p) {
-                    const LevelSet asked = levelSetOf(values, origin, voxelSize, halfWidth, p);
-                    const LevelSet made = taken(asked.gridPtr(), p);
-                    return made.halfWidth() < asked.halfWidth()
-                               ? withHalfWidth(made, asked.halfWidth(), &p)
-                               : made;
+                    const LevelSet made =
+                        taken(levelSetOf(values, origin, voxelSize, halfWidth, p).gridPtr(), p);
+                    const LevelSet asked = emptyLevelSet({origin, voxelSize}, halfWidth);
+                    return made.grid().background() == asked.grid().background()
+                               ? made
+                               : withHalfWidth(made, asked.halfWidth(), &p);
                 });
             },
             "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,

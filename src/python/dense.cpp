@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 namespace mpuvdb::python
 {
@@ -60,6 +61,40 @@ void forEachVoxel(const Values& values, const Interrupter& progress, IsInside is
         }
 }
 
+/// The magnitude, world units, below which values are those of a band of @a halfWidth voxels: @a
+/// width, unless nearly everywhere @a values change by more across the surface than distances do.
+float bandOf(const Values& values, float width, double halfWidth, const Interrupter& progress)
+{
+    // The part of the faces across the surface that tells. [derived: requireBand() allows for holes
+    // at the others]
+    constexpr double kFaces = 0.9;
+    // The least half-width and the usual one, voxels. [derived: those of all operations; distances
+    // change by one voxel at most]
+    constexpr double kLeastHalfWidth = 1.5, kUsualHalfWidth = 3;
+    float largest = 0;
+    std::vector<float> steps; // across the surface
+    const auto compare = [&](float v, float other) {
+        if ((v < 0) != (other < 0)) steps.push_back(std::abs(v - other));
+    };
+    forEachVoxel(
+        values, progress, [](float v) { return v <= 0; },
+        [&](const openvdb::Coord& at, float v) {
+            const py::ssize_t x = at.x(), y = at.y(), z = at.z();
+            largest = std::max(largest, std::abs(v));
+            if (x > 0) compare(v, values(x - 1, y, z));
+            if (y > 0) compare(v, values(x, y - 1, z));
+            if (z > 0) compare(v, values(x, y, z - 1));
+        });
+    if (steps.empty()) return width;
+    const auto step = steps.begin() + std::ptrdiff_t(kFaces * double(steps.size() - 1));
+    std::nth_element(steps.begin(), step, steps.end());
+    const double voxelSize = double(width) / halfWidth;
+    if (double(*step) <= kLeastHalfWidth * voxelSize) return width;
+    // A step is as wide as a voxel.
+    const double steep = std::max(halfWidth, kUsualHalfWidth) * double(*step);
+    return std::max(width, std::min(float(steep), largest));
+}
+
 /// The values of @a grid, some rows at a time.
 void fill(Dense& dense, const openvdb::FloatGrid& grid, const Interrupter& progress)
 {
@@ -102,11 +137,12 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
     const LevelSet nothing = emptyLevelSet({origin, voxelSize}, halfWidth);
     const openvdb::FloatGrid::Ptr grid = nothing.grid().deepCopy();
     const Values in = values.unchecked<3>();
+    const float background = bandOf(in, grid->background(), halfWidth, progress);
+    grid->setTree(std::make_shared<openvdb::FloatTree>(background));
     openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
-    const float background = grid->background();
     bool isInside = false, isWithin = false; // some values, of the solid and of the band
     forEachVoxel(
-        in, progress, [](float v) { return v <= 0; },
+        in, progress, [](float) { return false; },
         [&](const openvdb::Coord& at, float v) {
             isInside = isInside || v <= 0;
             if (!(std::abs(v) < background)) return;

@@ -306,6 +306,22 @@ class Dense(ShapeTest):
             # Along a chord between crossings planes are off by 3 / 8 R, voxels.
             self.assertAlmostEqual((grown * 0.75 / math.pi) ** (1 / 3), 13, delta=3 / 80)
 
+    def test_steep_values_are_measured_anew(self):
+        i, j, k = np.indices((41, 41, 41)) - 20
+        ball = np.sqrt(i**2 + j**2 + k**2) - 10
+        for scale in (4, 5, 10, 50, 100, 1e4):
+            for half_width in (1.5, 3, 6):
+                with self.subTest(scale=scale, half_width=half_width):
+                    with self.assertWarnsRegex(UserWarning, "not distances .* measured anew"):
+                        anew = mv.LevelSet.from_numpy(
+                            ball * scale, (0, 0, 0), 1, half_width=half_width
+                        )
+                    self.assert_sound(anew)
+                    self.assertAlmostEqual(anew.half_width, half_width, places=5)
+                    radius = (anew.measure().volume * 0.75 / math.pi) ** (1 / 3)
+                    # Along a chord between crossings planes are off by 3 / 8 R, voxels.
+                    self.assertAlmostEqual(radius, 10, delta=3 / 80)
+
     def test_clipped_values_end_the_band(self):
         i, j, k = np.indices((41, 41, 41)) - 20
         ball = np.sqrt(i**2 + j**2 + k**2) - 10
