@@ -59,7 +59,7 @@ Windings windingsOn(const std::vector<Part>& parts, const OrientedParts& points,
 struct Piece {
     std::vector<std::uint32_t> points;
     double area = 0;         ///< world units squared
-    std::vector<float> does; ///< to the number at each sample, as it looks; empty: too little
+    std::vector<float> does; ///< its part of the number at each sample; empty: it is too small
 };
 
 /// Points of the smallest piece of a part that is turned.
