@@ -185,6 +185,22 @@ TEST(EstimateNormals, PiecesThatContradictEachOtherAreTurnedOneByOne)
     EXPECT_GT(shareRight(tubes, 60000, Pattern::Random), 1 - strips) << "seed " << kSeed;
 }
 
+// At the acute rim of a pyramid's base noise joined the base to the sides the wrong way round, and
+// neighbors turned back what the winding number had turned: the volume was three times the truth.
+TEST(EstimateNormals, NeighborsDoNotTurnBackWhatFits)
+{
+    const std::size_t points = 12000;
+    const double area = 4 + 4 * M_SQRT2, spacing = std::sqrt(area / double(points));
+    // Base and sides are closer than the spacing in strips along four edges 2 long.
+    const double strips = 2 * 8 * spacing / area;
+    const std::string pyramid = "intersection(translate(box(3,3,1),0,0,0.5),intersection("
+                                "rotate(box(1.414214,3,1.414214),0,1,0,45),"
+                                "rotate(box(3,1.414214,1.414214),1,0,0,45)))";
+    for (const double noise : {0.0, 0.004, 0.008})
+        EXPECT_GT(shareRight(pyramid, points, Pattern::Random, noise), 1 - strips)
+            << "noise " << noise << " seed " << kSeed;
+}
+
 // A depth camera tells depths in steps, wider than its points are apart: each step is a flat sheet.
 TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
 {

@@ -191,25 +191,37 @@ std::size_t turnByWinding(const std::vector<Vec3f>& positions,
                           const std::vector<std::uint32_t>& parts, PlaneGraph& graph,
                           std::vector<char>& turned, Interrupter& progress)
 {
-    std::vector<char> before;
-    std::size_t unclosed = 0;
-    for (double least = std::numeric_limits<double>::infinity();;) {
-        const WindingVotes votes =
+    const auto turnTo = [&](std::vector<char> other) {
+        turn(graph.normals, turned);
+        turned = std::move(other);
+        turn(graph.normals, turned);
+    };
+    const auto turnBy = [&](const WindingVotes& votes) {
+        std::vector<char> other =
+            solveOrientation(votes.nodes, graph.links, progress, votes.links).turned;
+        for (std::size_t i = 0; i < parts.size(); ++i)
+            other[i] ^= other[votes.firstPart + parts[i]];
+        turnTo(std::move(other));
+    };
+    WindingVotes best; // and the normals that are voted on
+    best.misfit = std::numeric_limits<double>::infinity();
+    for (std::vector<char> before;;) {
+        WindingVotes votes =
             windingVotes({positions, graph.normals, parts}, areasOf(positions, graph), graph.noise,
                          {graph.links, turned}, progress);
-        const bool fitsBetter = votes.misfit < least;
-        if (fitsBetter) unclosed = votes.unclosed;
-        if (fitsBetter && votes.against == 0) return unclosed;
-        turn(graph.normals, turned);
-        if (fitsBetter) {
-            least = votes.misfit;
+        if (votes.misfit < best.misfit) {
+            best = std::move(votes);
             before = turned;
-            turned = solveOrientation(votes.nodes, graph.links, progress, votes.links).turned;
-        } else {
-            turned = before;
+            if (best.against == 0) return best.unclosed;
+            turnBy(best);
+            if (best.done) return best.unclosed;
+            continue;
         }
-        turn(graph.normals, turned);
-        if (!fitsBetter || votes.done) return unclosed;
+        turnTo(before);
+        if (best.unclear.empty()) return best.unclosed;
+        best.links.insert(best.links.end(), best.unclear.begin(), best.unclear.end());
+        best.unclear.clear();
+        turnBy(best);
     }
 }
 

@@ -28,10 +28,10 @@ int sideOf(const Vec3f& normal)
 
 } // namespace
 
-PointWinding::PointWinding(const Part& part, const OrientedParts& points,
+PointWinding::PointWinding(const std::vector<Part>& parts, const OrientedParts& points,
                            const std::vector<float>& areas, float noise)
 {
-    gather(part, points, areas, noise);
+    for (const Part& part : parts) gather(part, points, areas, noise);
     build(0, std::uint32_t(mDipoles.size()));
 }
 
@@ -80,7 +80,8 @@ void PointWinding::gather(const Part& part, const OrientedParts& points,
         keys[k] = {code * 8 + std::uint64_t(sideOf(points.normals[i])), k};
     }
     tbb::parallel_sort(keys.begin(), keys.end());
-    mDipoleOf.resize(keys.size());
+    const std::size_t first = mDipoleOf.size();
+    mDipoleOf.resize(first + keys.size());
     // The largest area of a plane in a cell, world units squared: that of a diagonal rectangle.
     const auto most = float(M_SQRT2) * cell * cell;
     for (std::size_t begin = 0, end = 0; begin < keys.size(); begin = end) {
@@ -91,7 +92,7 @@ void PointWinding::gather(const Part& part, const OrientedParts& points,
             dipole.position += points.positions[i];
             dipole.areaNormal += areas[i] * points.normals[i];
             area += areas[i];
-            mDipoleOf[k] = std::uint32_t(mDipoles.size());
+            mDipoleOf[first + k] = std::uint32_t(mDipoles.size());
         }
         dipole.points = float(end - begin);
         dipole.position /= dipole.points;

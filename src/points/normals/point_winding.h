@@ -17,13 +17,13 @@ class PointWinding
 public:
     /// @param areas  of the surface about each of all points, world units squared.
     /// @param noise  standard deviation of the positions, world units.
-    PointWinding(const Part& part, const OrientedParts& points, const std::vector<float>& areas,
-                 float noise);
+    PointWinding(const std::vector<Part>& parts, const OrientedParts& points,
+                 const std::vector<float>& areas, float noise);
 
     /// About 1 within a closed part that looks outward, 0 without, a half on it.
     float at(const Vec3f& p) const;
 
-    /// The same at each of the part's points, between the surface's two sides; 0 where hardly any
+    /// The same at each point, part after part, between the surface's two sides; 0 where hardly any
     /// points are.
     std::vector<float> onPoints(Interrupter& progress) const;
 
@@ -49,8 +49,8 @@ private:
     std::uint32_t build(std::uint32_t begin, std::uint32_t end);
     float sumAt(std::uint32_t node, const Vec3f& p) const;
 
-    std::vector<Dipole> mDipoles;         ///< in order of space
-    std::vector<std::uint32_t> mDipoleOf; ///< of the part's points
+    std::vector<Dipole> mDipoles;         ///< part after part, in order of space
+    std::vector<std::uint32_t> mDipoleOf; ///< of each point, part after part
     std::vector<Node> mNodes;
 };
 

@@ -30,27 +30,26 @@ Saying sayingOf(float number)
 
 /// What the winding number says of all points.
 struct Windings {
-    std::vector<float> numbers; ///< of each point; those of a part that looks inward are reversed
+    std::vector<float> numbers; ///< of each point
     std::vector<char> sayings;  ///< of each point
-    std::vector<bool> reversed; ///< of each part
+    bool reversed = false;      ///< whether they are those of all normals turned
 };
 
-Windings windingsOn(const std::vector<Part>& parts, const OrientedParts& points,
-                    const std::vector<float>& areas, double noise, Interrupter& progress)
+Windings windingsOn(const OrientedParts& points, const std::vector<float>& areas, float noise,
+                    Interrupter& progress)
 {
     Windings windings;
-    windings.numbers.resize(points.positions.size());
-    windings.sayings.resize(points.positions.size());
-    for (const Part& part : parts) {
-        const PointWinding winding(part, points, areas, float(noise));
-        const std::vector<float> on = winding.onPoints(progress);
-        const bool reversed = std::accumulate(on.begin(), on.end(), 0.0) < 0;
-        for (std::size_t k = 0; k < on.size(); ++k) {
-            const float number = reversed ? -on[k] : on[k];
-            windings.numbers[part.points[k]] = number;
-            windings.sayings[part.points[k]] = sayingOf(number);
-        }
-        windings.reversed.push_back(reversed);
+    const std::vector<Part> parts = collectParts(points);
+    const std::vector<float> on = PointWinding(parts, points, areas, noise).onPoints(progress);
+    windings.numbers.resize(on.size());
+    auto number = on.begin();
+    for (const Part& part : parts)
+        for (const std::uint32_t i : part.points) windings.numbers[i] = *number++;
+    windings.reversed = std::inner_product(windings.numbers.begin(), windings.numbers.end(),
+                                           areas.begin(), 0.0) < 0;
+    for (float& each : windings.numbers) {
+        if (windings.reversed) each = -each;
+        windings.sayings.push_back(sayingOf(each));
     }
     return windings;
 }
@@ -62,26 +61,27 @@ struct Piece {
     std::vector<float> does; ///< its part of the number at each sample; empty: it is too small
 };
 
-/// Points of the smallest piece of a part that is turned.
-std::size_t fewestOf(const Part& part)
+/// Points of the smallest piece that is turned, of so many in all.
+std::size_t fewestOf(std::size_t points)
 {
-    // Pieces of a part. [derived: smaller ones are known by what neighbors say of them]
+    // Pieces. [derived: smaller ones are known by what neighbors say of them]
     constexpr std::size_t kMost = 64;
-    return std::max(part.points.size() / kMost, std::size_t(kPointsPerCell));
+    return std::max(points / kMost, std::size_t(kPointsPerCell));
 }
 
-/// The largest pieces of a part. @param pieces  of each point.
-std::vector<Piece> largestPieces(const Part& part, const std::vector<std::uint32_t>& pieces,
+/// The largest pieces. @param pieceOf  of each point.
+std::vector<Piece> largestPieces(const std::vector<std::uint32_t>& pieceOf,
                                  const std::vector<float>& areas)
 {
-    std::vector<std::uint32_t> points = part.points;
+    std::vector<std::uint32_t> points(pieceOf.size());
+    std::iota(points.begin(), points.end(), 0u);
     std::stable_sort(points.begin(), points.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return pieces[a] < pieces[b]; });
+                     [&](std::uint32_t a, std::uint32_t b) { return pieceOf[a] < pieceOf[b]; });
     std::vector<Piece> largest;
     for (auto begin = points.begin(), end = begin; begin != points.end(); begin = end) {
         end = std::find_if(begin, points.end(),
-                           [&](std::uint32_t i) { return pieces[i] != pieces[*begin]; });
-        if (std::size_t(end - begin) < fewestOf(part)) continue;
+                           [&](std::uint32_t i) { return pieceOf[i] != pieceOf[*begin]; });
+        if (std::size_t(end - begin) < fewestOf(points.size())) continue;
         Piece piece;
         piece.points.assign(begin, end);
         for (const std::uint32_t i : piece.points) piece.area += double(areas[i]);
@@ -90,23 +90,22 @@ std::vector<Piece> largestPieces(const Part& part, const std::vector<std::uint32
     return largest;
 }
 
-/// Points of a part that numbers are compared at.
+/// Points that numbers are compared at.
 struct Samples {
     std::vector<std::uint32_t> points;
     std::vector<double> areas; ///< that each stands for, world units squared
     std::vector<float> off;    ///< the number at each, less a half
 };
 
-Samples samplesOf(const Part& part, const std::vector<float>& areas,
-                  const std::vector<float>& numbers)
+Samples samplesOf(const std::vector<float>& areas, const std::vector<float>& numbers)
 {
     // [derived: shares of the area are known to a fiftieth]
     constexpr std::size_t kMost = 2048;
-    const std::size_t count = part.points.size(), some = std::min(kMost, count);
+    const std::size_t count = numbers.size(), some = std::min(kMost, count);
     Samples samples;
     for (std::size_t s = 0; s < some; ++s) {
-        const std::uint32_t i = part.points[s * count / some];
-        samples.points.push_back(i);
+        const std::size_t i = s * count / some;
+        samples.points.push_back(std::uint32_t(i));
         samples.areas.push_back(double(areas[i]) * double(count) / double(some));
         samples.off.push_back(numbers[i] - 0.5f);
     }
@@ -217,92 +216,82 @@ Turning bestTurning(const Samples& samples, const std::vector<Piece>& pieces,
     return other.misfit() < best.misfit() ? other : best;
 }
 
-/// Gathers votes part by part.
+/// Gathers votes.
 class Voting
 {
 public:
     Voting(const OrientedParts& points, const std::vector<float>& areas, double noise,
            const NeighborVotes& neighbors, Interrupter& progress)
         : mPoints(points), mAreas(areas), mNoise(float(noise)), mNeighbors(neighbors),
-          mProgress(progress)
+          mProgress(progress), mWindings(windingsOn(points, areas, mNoise, progress))
     {
-        mVotes.nodes = firstPart() + partEnd(points);
-        const std::vector<Part> parts = collectParts(points);
-        mWindings = windingsOn(parts, points, areas, noise, progress);
-        for (std::size_t p = 0; p < parts.size(); ++p) voteOn(parts[p], mWindings.reversed[p]);
+        const std::size_t count = points.positions.size();
+        mVotes.firstPart = count + 1; // after the points and the scanners
+        mVotes.nodes = mVotes.firstPart + partEnd(points);
+        const Samples samples = samplesOf(areas, mWindings.numbers);
+        mVotes.misfit = misfitOf(samples.areas, samples.off);
+        for (const char saying : mWindings.sayings) mVotes.unclosed += saying != kRight ? 1 : 0;
+        const std::vector<Piece> pieces = piecesAt(samples);
+        const Turning turning = bestTurning(samples, pieces, mWindings.sayings);
+        if (turning.isAnyTurned())
+            votePieces(pieces, turning);
+        else
+            votePoints();
+        mVotes.done = mVotes.against < fewestOf(count);
     }
 
     WindingVotes votes() && { return std::move(mVotes); }
 
 private:
-    /// Nodes of parts come after the points and the scanners.
-    std::size_t firstPart() const { return mPoints.positions.size() + 1; }
-
-    void voteOn(const Part& part, bool reversed)
-    {
-        const Samples samples = samplesOf(part, mAreas, mWindings.numbers);
-        const double misfit = misfitOf(samples.areas, samples.off);
-        mVotes.misfit += misfit;
-        for (const std::uint32_t i : part.points)
-            mVotes.unclosed += mWindings.sayings[i] != kRight ? 1 : 0;
-        const std::vector<Piece> pieces = piecesOf(part, reversed, samples, misfit);
-        const Turning turning = bestTurning(samples, pieces, mWindings.sayings);
-        const std::size_t before = mVotes.against;
-        if (turning.isAnyTurned())
-            votePieces(pieces, turning);
-        else
-            votePoints(part);
-        mVotes.done &= mVotes.against - before < fewestOf(part);
-    }
-
     /// The largest pieces; none where not even one of them may be the wrong way round.
-    std::vector<Piece> piecesOf(const Part& part, bool reversed, const Samples& samples,
-                                double misfit)
+    std::vector<Piece> piecesAt(const Samples& samples)
     {
+        const std::size_t count = mPoints.positions.size();
         const double area = std::accumulate(samples.areas.begin(), samples.areas.end(), 0.0);
-        const double share = double(fewestOf(part)) / double(part.points.size());
-        if (misfit < kLeastGain * share * area) return {};
-        if (mPieceOf.empty())
-            mPieceOf =
-                agreeingPieces(mNeighbors.links, mNeighbors.turned, mWindings.sayings, mProgress);
-        std::vector<Piece> pieces = largestPieces(part, mPieceOf, mAreas);
+        const double share = double(fewestOf(count)) / double(count);
+        if (mVotes.misfit < kLeastGain * share * area) return {};
+        mPieceOf =
+            agreeingPieces(mNeighbors.links, mNeighbors.turned, mWindings.sayings, mProgress);
+        std::vector<Piece> pieces = largestPieces(mPieceOf, mAreas);
         for (Piece& piece : pieces)
-            if (kLeastGain * piece.area < misfit) measure(piece, reversed, samples);
+            if (kLeastGain * piece.area < mVotes.misfit) measure(piece, samples);
         return pieces;
     }
 
-    void votePoints(const Part& part)
+    void votePoints()
     {
-        for (const std::uint32_t i : part.points)
-            if (mWindings.sayings[i] != kUnclear) vote(i, mWindings.sayings[i] == kWrong);
+        for (std::uint32_t i = 0; i < mWindings.sayings.size(); ++i)
+            if (mWindings.sayings[i] != kUnclear)
+                vote(i, mWindings.sayings[i] == kWrong, mVotes.links);
     }
 
-    /// What was unclear, and is not turned, is left to its neighbors.
     void votePieces(const std::vector<Piece>& pieces, const Turning& turning)
     {
         for (std::size_t p = 0; p < pieces.size(); ++p) {
-            const bool clear = mWindings.sayings[pieces[p].points.front()] != kUnclear;
-            if (turning.isTurned(p) || (clear && turning.isRight(p, mPieceOf)))
-                for (const std::uint32_t i : pieces[p].points) vote(i, turning.isTurned(p));
+            const bool turned = turning.isTurned(p);
+            if (!turned && !turning.isRight(p, mPieceOf)) continue;
+            const char saying = mWindings.sayings[pieces[p].points.front()];
+            for (const std::uint32_t i : pieces[p].points)
+                vote(i, turned, turned || saying != kUnclear ? mVotes.links : mVotes.unclear);
         }
     }
 
-    void measure(Piece& piece, bool reversed, const Samples& samples) const
+    void measure(Piece& piece, const Samples& samples) const
     {
         const Part part{piece.points, boxOf(piece.points, mPoints)};
-        const PointWinding winding(part, mPoints, mAreas, mNoise);
+        const PointWinding winding({part}, mPoints, mAreas, mNoise);
         piece.does.resize(samples.points.size());
         forEachParallel(piece.does.size(), kSampleGrain, mProgress, [&](std::size_t s) {
             const float number = winding.at(mPoints.positions[samples.points[s]]);
-            piece.does[s] = reversed ? -number : number;
+            piece.does[s] = mWindings.reversed ? -number : number;
         });
     }
 
-    void vote(std::uint32_t point, bool turned)
+    void vote(std::uint32_t point, bool turned, std::vector<OrientationLink>& links)
     {
-        const auto node = std::uint32_t(firstPart()) + mPoints.parts[point];
+        const auto node = std::uint32_t(mVotes.firstPart) + mPoints.parts[point];
         const bool asItWas = turned == bool(mNeighbors.turned[point]);
-        mVotes.links.push_back({asItWas ? 1.f : -1.f, false, point, node});
+        links.push_back({asItWas ? 1.f : -1.f, false, point, node});
         mVotes.against += turned ? 1 : 0;
     }
 
@@ -312,7 +301,7 @@ private:
     const NeighborVotes& mNeighbors;
     Interrupter& mProgress;
     Windings mWindings;
-    std::vector<std::uint32_t> mPieceOf; ///< of each point; empty: not needed yet
+    std::vector<std::uint32_t> mPieceOf; ///< of each point; empty: not needed
     WindingVotes mVotes;
 };
 
