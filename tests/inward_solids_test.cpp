@@ -22,18 +22,6 @@ namespace mpuvdb
 namespace
 {
 
-std::size_t foundIn(const PointCloud& cloud)
-{
-    Interrupter progress;
-    return findInwardSolids(cloud, measure(cloud, &progress), &progress).size();
-}
-
-std::size_t foundInFlipped(PointCloud cloud)
-{
-    flipNormals(cloud);
-    return foundIn(cloud);
-}
-
 void append(PointCloud& to, const PointCloud& from, const Vec3f& offset, float side)
 {
     for (const Vec3f& p : from.positions) to.positions.push_back(p + offset);
@@ -60,17 +48,6 @@ TEST(InwardSolids, AreTurnedAsAWhole)
             EXPECT_EQ(foundIn(cloud), 0u) << solid << int(pattern);
             EXPECT_EQ(foundInFlipped(cloud), cloud.size()) << solid << int(pattern);
         }
-}
-
-TEST(InwardSolids, FewPointsAndNoisyOnes)
-{
-    EXPECT_EQ(foundInFlipped(scanned("sphere(1)", 600, Pattern::Even)),
-              scanned("sphere(1)", 600, Pattern::Even).size());
-    const PointCloud noisy = scanned("torus(1,0.4)", 30000, Pattern::Random, 0.01);
-    EXPECT_EQ(foundIn(noisy), 0u);
-    EXPECT_EQ(foundInFlipped(noisy), noisy.size());
-    Interrupter progress;
-    EXPECT_TRUE(findInwardSolids(PointCloud(), PointStatistics(), &progress).empty());
 }
 
 TEST(InwardSolids, OneAmongOthersOfAnySpacing)

@@ -1,3 +1,5 @@
+#include "scanned_cloud.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/normals.h>
@@ -16,8 +18,6 @@ namespace mpuvdb
 {
 namespace
 {
-
-using Pattern = ScanSettings::Pattern;
 
 PointCloud sample(const std::string& solid, std::uint64_t points, double noise = 0,
                   Pattern pattern = Pattern::Random)
@@ -49,15 +49,6 @@ PointCloud shuffled(const PointCloud& cloud, std::vector<std::size_t>& order)
         if (cloud.hasNormals()) result.normals.push_back(cloud.normals[i]);
     }
     return result;
-}
-
-PointCloud planeGrid(int side, float step)
-{
-    PointCloud cloud;
-    for (int x = 0; x < side; ++x)
-        for (int y = 0; y < side; ++y)
-            cloud.positions.emplace_back(step * float(x), step * float(y), 0.0f);
-    return cloud;
 }
 
 TEST(PointCloud, LocalBoundsAreTight)
@@ -166,26 +157,6 @@ TEST(Measure, AttributesAreOnePerPointOrNone)
     EXPECT_THROW(measured(cloud), UsageError);
 }
 
-TEST(Measure, FewPoints)
-{
-    PointCloud cloud;
-    EXPECT_THROW(measured(cloud), InputError);
-    cloud.positions.assign(1000, Vec3f(1, 2, 3));
-    EXPECT_THROW(measured(cloud), InputError);
-    cloud.positions.push_back(Vec3f(1, 2, 4));
-    EXPECT_NEAR(measured(cloud).spacing, std::sqrt(M_PI), 1e-6);
-    EXPECT_EQ(measured(cloud).noise, 0);
-    for (const int side : {2, 3, 4, 5, 6, 7}) {
-        const PointStatistics s = measured(planeGrid(side, 1));
-        EXPECT_GT(s.spacing, 0.8) << side;
-        EXPECT_LT(s.spacing, 1.8) << side;
-        EXPECT_LT(s.noise, 1e-9) << side;
-    }
-    cloud.positions.clear();
-    for (int i = 0; i < 100; ++i) cloud.positions.emplace_back(float(i), 0.0f, 0.0f);
-    EXPECT_TRUE(std::isfinite(measured(cloud).noise)); // a line has no plane
-}
-
 /// Exact nearest neighbors decide: spacing computed by brute force over all points.
 TEST(Measure, NeighborsAreThoseOfBruteForce)
 {
@@ -262,24 +233,6 @@ TEST(EstimateNormals, KnowsNoOrderAndNoThreads)
     estimateNormals(other, 12, &progress);
     for (std::size_t i = 0; i < order.size(); ++i)
         ASSERT_EQ(other.normals[i], cloud.normals[order[i]]);
-}
-
-TEST(EstimateNormals, FewPoints)
-{
-    Interrupter progress;
-    PointCloud cloud = planeGrid(2, 1);
-    estimateNormals(cloud, 16, &progress);
-    for (const Vec3f& n : cloud.normals) EXPECT_NEAR(std::abs(n.z()), 1, 1e-6);
-    cloud.positions[1] = cloud.positions[0];
-    EXPECT_THROW(estimateNormals(cloud, 16, &progress), InputError);
-    EXPECT_THROW(estimateNormals(cloud, 3, &progress), UsageError);
-
-    PointCloud line;
-    for (int i = 0; i < 500; ++i)
-        line.positions.push_back(Vec3f(1, -2, 3) + float(i) * Vec3f(0.1f, 0.2f, 0.05f));
-    EXPECT_THROW(estimateNormals(line, {}, &progress), InputError);
-    line.positions[250] += Vec3f(0.01f, 0, 0);
-    EXPECT_NO_THROW(estimateNormals(line, {}, &progress));
 }
 
 struct TriangleMesh {
