@@ -294,13 +294,5 @@ TEST(Golden, NothingChanged)
     }
 }
 
-#ifdef MPUVDB_WITHOUT
-/// This test runs the kernels of a smaller instruction set (instruction_set.cpp).
-TEST(Golden, RunsASmallerInstructionSet)
-{
-    EXPECT_FALSE(__builtin_cpu_supports(MPUVDB_WITHOUT));
-}
-#endif
-
 } // namespace
 } // namespace mpuvdb
