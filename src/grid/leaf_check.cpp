@@ -45,10 +45,10 @@ template <typename Visit>
 }
 
 /// A leaf with its rim: values, and rows of bits along z.
-class Neighborhood
+class LeafAndRim
 {
 public:
-    Neighborhood(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits)
+    LeafAndRim(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits)
         : mAccessor(accessor), mLimits(limits)
     {
     }
@@ -297,7 +297,7 @@ FaultTallies checkLeaves(const openvdb::FloatGrid& grid,
         tbb::blocked_range<std::size_t>(0, leaves.size(), 64), FaultTallies{},
         [&](const tbb::blocked_range<std::size_t>& range, FaultTallies part) {
             const auto accessor = grid.getConstAccessor();
-            Neighborhood neighborhood(accessor, limits);
+            LeafAndRim neighborhood(accessor, limits);
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
                 sums[n] = neighborhood.check(*leaves[n], part);

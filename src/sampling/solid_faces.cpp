@@ -15,7 +15,7 @@ namespace
 
 /// Difference of a winding number from 1/2, its value on the back of a plane sheet, that says
 /// nothing. [derived: a hole as wide as 100 voxels is closed a quarter of a voxel from there]
-constexpr double kFlat = 1e-3;
+constexpr double kPlaneSide = 1e-3;
 
 Corners rounded(const std::array<Vec3d, 3>& t)
 {
@@ -226,7 +226,7 @@ SolidFaces::Known SolidFaces::knownAt(std::uint32_t n, const Vec3d& place, Walk&
     known.sides =
         isTouched(n) ? walk.sidesAt(place, areaVector(n)) : walk.sidesAt(place, areaVector(n), 1);
     for (double* side : {&known.sides.front, &known.sides.back})
-        if (std::abs(*side - 0.5) < kFlat) *side = 0.5;
+        if (std::abs(*side - 0.5) < kPlaneSide) *side = 0.5;
     if (!mRims) return known;
     // At a distance d from a straight rim the number changes by 1 / (2 pi d) per length.
     std::size_t slot = 0;

@@ -205,7 +205,7 @@ void requireNoHole(const std::optional<WayThrough>& way, const SolidBoundary& so
 }
 
 /// A mesh's solid, and the band about its boundary.
-struct Made {
+struct MadeSolid {
     std::unique_ptr<SolidBoundary> solid;
     openvdb::FloatGrid::Ptr grid; ///< null if only sheets are to be made walls
 };
@@ -216,8 +216,8 @@ PlacedTriangles placedIn(const Lattice& lattice, const Vec3d& frame, const Trian
 }
 
 /// The band about the boundary of @a made, whose grid it becomes. @return the way through it.
-std::optional<WayThrough> makeBand(Made& made, const Mesh& mesh, const SampleSettings& settings,
-                                   Interrupter& progress)
+std::optional<WayThrough> makeBand(MadeSolid& made, const Mesh& mesh,
+                                   const SampleSettings& settings, Interrupter& progress)
 {
     const double h = settings.lattice.voxelSize;
     const PlacedTriangles triangles = placedIn(settings.lattice, mesh.frame, made.solid->tree());
@@ -233,10 +233,10 @@ std::optional<WayThrough> makeBand(Made& made, const Mesh& mesh, const SampleSet
 
 /// @param isOpen  see SolidBoundary. @throws InputError if nothing is enclosed, or a way leads
 /// inside.
-Made makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSettings* repair,
-               bool isOpen, Interrupter& progress)
+MadeSolid makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSettings* repair,
+                    bool isOpen, Interrupter& progress)
 {
-    Made made;
+    MadeSolid made;
     made.solid = std::make_unique<SolidBoundary>(mesh, settings.lattice, repair, progress, isOpen);
     const SolidBoundary& solid = *made.solid;
     if (solid.isEmpty() && !solid.sheets())
@@ -249,7 +249,7 @@ Made makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSet
 }
 
 /// A surface that is open and so flat that no voxel is inside becomes a sheet.
-void makeSheetIfFlat(Made& made)
+void makeSheetIfFlat(MadeSolid& made)
 {
     if (!made.grid || made.solid->sheets() || hasInside(made.grid->tree())) return;
     made.solid->makeSheet();
@@ -257,7 +257,7 @@ void makeSheetIfFlat(Made& made)
 }
 
 /// Add the walls made of sheets, if there are some.
-void addWalls(Made& made, const Mesh& mesh, const SampleSettings& settings, double thickness,
+void addWalls(MadeSolid& made, const Mesh& mesh, const SampleSettings& settings, double thickness,
               Interrupter& progress)
 {
     if (!made.solid->sheets()) return;
@@ -306,7 +306,7 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
                   settings.halfWidth + (repair ? repair->thickness / 2 / h : 0), repair != nullptr,
                   settings);
     progress.check();
-    Made made = makeSolid(mesh, settings, repair, false, progress);
+    MadeSolid made = makeSolid(mesh, settings, repair, false, progress);
     const SolidBoundary& solid = *made.solid;
     std::optional<MeshRepair> repaired;
     if (repair) {

@@ -32,6 +32,11 @@ using Group = double __attribute__((vector_size(32)));
     return std::max(std::max(g[0], g[1]), std::max(g[2], g[3]));
 }
 
+[[gnu::always_inline]] inline double squareRoot(double x)
+{
+    return std::sqrt(x);
+}
+
 [[gnu::always_inline]] inline Group squareRoot(const Group& g)
 {
     double a[4];

@@ -6,6 +6,7 @@
 
 #include "face_crossings.h"
 #include "face_patches.h"
+#include "leaf_crossings.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -42,11 +43,6 @@ Coord cornerOf(int n)
 Coord unit(int axis)
 {
     return {axis == 0, axis == 1, axis == 2};
-}
-
-Vec3f toVec(const Coord& c)
-{
-    return {float(c[0]), float(c[1]), float(c[2])};
 }
 
 /// The cells about an edge, in cyclic order.

@@ -15,7 +15,7 @@ namespace
 {
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
-using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
+using CachedAccess = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
 using openvdb::Coord;
 
 using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
@@ -81,7 +81,7 @@ LeafSigns signsOf(const UpperRim& values)
 }
 
 /// Whether a voxel of value 0 has inside and outside among its 26 neighbors.
-bool isOnSurface(const Coord& at, Access& access)
+bool isOnSurface(const Coord& at, CachedAccess& access)
 {
     bool inside = false, outside = false;
     for (int n = 0; n < 27; ++n) {
@@ -96,7 +96,7 @@ bool isOnSurface(const Coord& at, Access& access)
 
 Crossings crossingsOf(const openvdb::FloatTree& tree, const Leaf& leaf)
 {
-    Access access(tree);
+    CachedAccess access(tree);
     UpperRim values{leaf.buffer().data()};
     for (std::size_t axis = 0; axis < 3; ++axis) {
         Coord at = leaf.origin();

@@ -19,7 +19,7 @@ namespace
 
 /// Most points of a leaf. [tuned: attributes_bench; 8 takes a seventh more time, and waves of ten
 /// spacings are 4 % farther; 64 is the same within 3 %]
-constexpr std::uint32_t kBucketPoints = 32;
+constexpr std::uint32_t kLeafPoints = 32;
 /// Points of a leaf by which its spacing is measured. [derived: the lanes of a vector]
 constexpr std::uint32_t kSpacingPoints = 8;
 /// Least confidence: points without any count only where there are no others. [derived: below what
@@ -63,7 +63,7 @@ float leastToThird(const PointArrays& points, std::uint32_t begin, std::uint32_t
 } // namespace
 
 MomentTree::MomentTree(const SortedPoints& points, const Channels& channels, Interrupter& progress)
-    : mPoints(points.points()), mChannels(channels), mTree(points.tree(kBucketPoints)),
+    : mPoints(points.points()), mChannels(channels), mTree(points.tree(kLeafPoints)),
       mLength((channels.size() + 4) / 4 * kLanes)
 {
     for (const float* const channel : mChannels)

@@ -137,11 +137,6 @@ template <typename T>
     return a < b ? a : b;
 }
 
-[[gnu::always_inline]] inline double squareRoot(double x)
-{
-    return std::sqrt(x);
-}
-
 [[gnu::always_inline]] inline double lane(double x, std::size_t)
 {
     return x;

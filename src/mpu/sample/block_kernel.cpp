@@ -45,7 +45,7 @@ constexpr int kRows = kBlockCubes / kCubeVoxels;
     return a < b ? a : b;
 }
 
-[[gnu::always_inline]] inline Row squareRoot(const Row& row)
+[[gnu::always_inline]] inline Row rowRoot(const Row& row)
 {
     float a[kCubeVoxels];
     std::memcpy(a, &row, sizeof row);
@@ -151,8 +151,7 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
     const Row gx = k[1] + 2 * k[4] * x + k[7] * y + k[9] * z,
               gy = k[2] + 2 * k[5] * y + k[8] * z + k[7] * x,
               gz = k[3] + 2 * k[6] * z + k[9] * x + k[8] * y;
-    const Row slope =
-        larger(squareRoot(gx * gx + gy * gy + gz * gz), Row{} + float(kGradientFloor));
+    const Row slope = larger(rowRoot(gx * gx + gy * gy + gz * gz), Row{} + float(kGradientFloor));
     const Row toCorner = kCubeMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
     return most(slope * (limit + kRoundingMargin) + toCorner);
 }
@@ -187,7 +186,7 @@ struct SmoothWeight {
     explicit SmoothWeight(float radius) : scale(1.5f / radius) {}
     [[gnu::always_inline]] Row operator()(const Row& distance2) const
     {
-        return bsplineWeight(Row(squareRoot(distance2) * scale));
+        return bsplineWeight(Row(rowRoot(distance2) * scale));
     }
 };
 
@@ -200,7 +199,7 @@ struct SingularWeight {
     [[gnu::always_inline]] Row operator()(const Row& distance2) const
     {
         const Row least = Row{} + kMinDistance2;
-        return singularWeight(Row(1 / squareRoot(larger(distance2, least))), inverseRadius);
+        return singularWeight(Row(1 / rowRoot(larger(distance2, least))), inverseRadius);
     }
 };
 
@@ -361,7 +360,7 @@ void normalize(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& 
         const int cube = __builtin_ctzll(left);
         const BlockSums::Cube& s = sums.cubes[std::size_t(cube)];
         const Row weight = load(s.weight), gx = load(s.gx), gy = load(s.gy), gz = load(s.gz);
-        const Row slope = squareRoot(gx * gx + gy * gy + gz * gz);
+        const Row slope = rowRoot(gx * gx + gy * gy + gz * gz);
         // value / weight over max(|g| / weight, floor)
         const Row v = load(s.value) / larger(slope, float(kGradientFloor) * weight);
         const Row clamped = smaller(larger(v, -far), far);

@@ -22,28 +22,29 @@ constexpr double kCubeSpacings = 4;
 constexpr std::uint32_t kCubesAlong = 4;
 constexpr std::uint32_t kNoCube = ~std::uint32_t(0); ///< no cube [derived: none has this index]
 
-constexpr std::size_t kLanes = 8; ///< lanes of a vector [derived: floats of 256 bits]
-using Lanes = float __attribute__((vector_size(4 * kLanes)));
+constexpr std::size_t kNodeLanes = 8; ///< lanes of a vector [derived: floats of 256 bits]
+using NodeLanes = float __attribute__((vector_size(4 * kNodeLanes)));
 
-[[gnu::always_inline]] inline Lanes load(const float* from)
+[[gnu::always_inline]] inline NodeLanes load(const float* from)
 {
-    Lanes lanes;
+    NodeLanes lanes;
     std::memcpy(&lanes, from, sizeof lanes);
     return lanes;
 }
 
 /// Squared distance along an axis from @a x to [@a first, @a first + @a extent].
-[[gnu::always_inline]] inline Lanes squaredGap(const Lanes& x, float first, float extent)
+[[gnu::always_inline]] inline NodeLanes squaredGap(const NodeLanes& x, float first, float extent)
 {
-    const Lanes below = first - x, above = x - (first + extent);
-    const Lanes gap = below > above ? below : above;
-    const Lanes beyond = gap > 0 ? gap : Lanes{};
+    const NodeLanes below = first - x, above = x - (first + extent);
+    const NodeLanes gap = below > above ? below : above;
+    const NodeLanes beyond = gap > 0 ? gap : NodeLanes{};
     return beyond * beyond;
 }
 
 /// Squared distance to a cube with its lowest corner @a first.
-[[gnu::always_inline]] inline Lanes squaredGap(const Lanes& x, const Lanes& y, const Lanes& z,
-                                               const std::array<float, 3>& first, float extent)
+[[gnu::always_inline]] inline NodeLanes squaredGap(const NodeLanes& x, const NodeLanes& y,
+                                                   const NodeLanes& z,
+                                                   const std::array<float, 3>& first, float extent)
 {
     return squaredGap(x, first[0], extent) + squaredGap(y, first[1], extent) +
            squaredGap(z, first[2], extent);
@@ -52,7 +53,7 @@ using Lanes = float __attribute__((vector_size(4 * kLanes)));
 /// Ones for the first @a count lanes.
 std::uint64_t firstBits(std::size_t count)
 {
-    return count < kLanes ? (std::uint64_t(1) << count) - 1 : ~std::uint64_t(0);
+    return count < kNodeLanes ? (std::uint64_t(1) << count) - 1 : ~std::uint64_t(0);
 }
 
 /// Indices of the places that reach into the block whose first voxel is @a first.
@@ -62,11 +63,12 @@ std::size_t reaching(const float* x, const float* y, const float* z, const float
 {
     constexpr float kExtent = kBlockDim - 1; ///< of a block, voxels [derived: first to last]
     std::size_t n = 0;
-    for (std::size_t group = 0; group < count; group += kLanes) {
-        const Lanes distance2 =
+    for (std::size_t group = 0; group < count; group += kNodeLanes) {
+        const NodeLanes distance2 =
             squaredGap(load(x + group), load(y + group), load(z + group), first, kExtent);
         const std::uint64_t reaches = bitsOf(distance2 < load(reach2 + group));
-        for (std::size_t lane = 0; lane < kLanes; ++lane) { // no branch: it could not be predicted
+        for (std::size_t lane = 0; lane < kNodeLanes;
+             ++lane) { // no branch: it could not be predicted
             found[n] = std::uint32_t(group + lane);
             n += reaches >> lane & 1u;
         }
@@ -100,7 +102,7 @@ void LeafFinder::makeRoom(std::size_t leaves)
 [[gnu::always_inline]] inline void LeafFinder::addLeaf(OctreeNode leaf, const OctreeCell& cell,
                                                        float x, float y, float z)
 {
-    makeRoom(1 + kLanes); // with padding
+    makeRoom(1 + kNodeLanes); // with padding
     mLeaves[mCount] = {leaf, cell};
     mX[mCount] = x;
     mY[mCount] = y;
@@ -112,13 +114,14 @@ void LeafFinder::makeRoom(std::size_t leaves)
 MPUVDB_WIDE_CLONES
 void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, float y, float z)
 {
-    const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
-                sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
+    const NodeLanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
+                    sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
     constexpr float kExtent = kRegionVoxels - 1; ///< of a region, voxels [derived: first to last]
     const auto level = std::size_t(cell.level);
     const float quarter = mQuarter[level];
-    const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
-    const Lanes distance2 = squaredGap(allX, allY, allZ, {0, 0, 0}, kExtent);
+    const NodeLanes allX = x + quarter * sideX, allY = y + quarter * sideY,
+                    allZ = z + quarter * sideZ;
+    const NodeLanes distance2 = squaredGap(allX, allY, allZ, {0, 0, 0}, kExtent);
     for (std::uint64_t left = bitsOf(distance2 < mReach2[level + 1]); left; left &= left - 1) {
         const int octant = __builtin_ctzll(left);
         const OctreeNode child = mTree.nodes[inner.index + std::uint32_t(octant)];
@@ -141,13 +144,13 @@ void LeafFinder::enterRegion(const Vec3i& region)
     mCount = 0;
     const Vec3d corner = mOrigin + mVoxelSize * kRegionVoxels * region.cast<double>();
     const Vec3f root = ((mTree.root.center({}) - corner) / mVoxelSize).cast<float>();
-    makeRoom(kLanes);
+    makeRoom(kNodeLanes);
     const OctreeNode top = mTree.nodes[0];
     if (top.isLeaf())
         addLeaf(top, {}, root[0], root[1], root[2]);
     else
         addBelow(top, {}, root[0], root[1], root[2]);
-    for (std::size_t n = mCount; n % kLanes; ++n) mLeafReach2[n] = 0; // reaches nothing
+    for (std::size_t n = mCount; n % kNodeLanes; ++n) mLeafReach2[n] = 0; // reaches nothing
 }
 
 const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
@@ -182,8 +185,8 @@ PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tre
 /// Make room for @a nodes more nodes, and for padding.
 void PointLeafFinder::Nodes::makeRoom(std::size_t nodes)
 {
-    if (count + nodes + kLanes <= at.size()) return;
-    const std::size_t size = 2 * (count + nodes + kLanes);
+    if (count + nodes + kNodeLanes <= at.size()) return;
+    const std::size_t size = 2 * (count + nodes + kNodeLanes);
     at.resize(size);
     for (auto* values : {&x, &y, &z, &reach2}) values->resize(size);
 }
@@ -215,11 +218,11 @@ void PointLeafFinder::descend()
     std::array<float, 3> first;
     for (std::size_t axis = 0; axis < 3; ++axis)
         first[axis] = edge * float(mCube[axis] >> (mCubeLevel - cubeLevel));
-    const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
-                sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
+    const NodeLanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
+                    sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
     const float reach2 = mReach2[mLevel];
     const float quarter = 0.5f / float(1u << mLevel); // of the cells of inner nodes
-    for (std::size_t group = above.begin; group < above.end; group += kLanes) {
+    for (std::size_t group = above.begin; group < above.end; group += kNodeLanes) {
         std::uint64_t left =
             firstBits(above.end - group) &
             bitsOf(squaredGap(load(&mNodes.x[group]), load(&mNodes.y[group]),
@@ -232,8 +235,8 @@ void PointLeafFinder::descend()
                 mNodes.add(from.node, from.cell, {x, y, z}, mNodes.reach2[n]);
                 continue;
             }
-            const Lanes distance2 = squaredGap(x + quarter * sideX, y + quarter * sideY,
-                                               z + quarter * sideZ, first, edge);
+            const NodeLanes distance2 = squaredGap(x + quarter * sideX, y + quarter * sideY,
+                                                   z + quarter * sideZ, first, edge);
             for (std::uint64_t children = bitsOf(distance2 < reach2); children;
                  children &= children - 1) {
                 const int octant = __builtin_ctzll(children);
@@ -284,9 +287,9 @@ void PointLeafFinder::addHolding(const Nodes& nodes, const Vec3d& p, const std::
     const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {
         mFound.push_back({leaf, cell});
     };
-    for (std::size_t group = 0; group < nodes.count; group += kLanes) {
-        const Lanes x = load(&nodes.x[group]) - at[0], y = load(&nodes.y[group]) - at[1],
-                    z = load(&nodes.z[group]) - at[2];
+    for (std::size_t group = 0; group < nodes.count; group += kNodeLanes) {
+        const NodeLanes x = load(&nodes.x[group]) - at[0], y = load(&nodes.y[group]) - at[1],
+                        z = load(&nodes.z[group]) - at[2];
         for (std::uint64_t left = bitsOf(x * x + y * y + z * z < load(&nodes.reach2[group])) &
                                   firstBits(nodes.count - group);
              left; left &= left - 1) {
