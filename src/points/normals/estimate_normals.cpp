@@ -184,7 +184,8 @@ std::vector<float> areasOf(const std::vector<Vec3f>& positions, const PlaneGraph
 }
 
 /// Turn pieces of @a parts that look the other way than the rest, by windingVotes(): neighbors at a
-/// contact or a thin rim can join bodies the wrong way round. Ends when the number fits no better.
+/// contact or a thin rim can join bodies the wrong way round. Ends when the number fits no better,
+/// even if pieces vote that were unclear before others were turned.
 /// @param turned  of each position, what the graph's normals were turned by; becomes what they are.
 /// @return the number of points at which the winding number is not clearly a half.
 std::size_t turnByWinding(const std::vector<Vec3f>& positions,
@@ -203,9 +204,10 @@ std::size_t turnByWinding(const std::vector<Vec3f>& positions,
             other[i] ^= other[votes.firstPart + parts[i]];
         turnTo(std::move(other));
     };
-    WindingVotes best; // and the normals that are voted on
+    WindingVotes best; // on the normals that fit best
     best.misfit = std::numeric_limits<double>::infinity();
-    for (std::vector<char> before;;) {
+    std::vector<char> before; // what those are turned by
+    for (;;) {
         WindingVotes votes =
             windingVotes({positions, graph.normals, parts}, areasOf(positions, graph), graph.noise,
                          {graph.links, turned}, progress);
