@@ -100,6 +100,14 @@ TEST_F(DigitGroups, OfDotsAreTakenOut)
     const PointInput colored = read("c.txt", rows(points, ";", ".", ";255;0;10"));
     ASSERT_EQ(colored.cloud.colors.size(), points.size());
     EXPECT_EQ(colored.cloud.colors[5], (PointCloud::Rgb{255, 0, 10}));
+    // Beside commas, which separate or are decimal.
+    expectRead(rows(both, ",", "."), both, "dots group");
+    expectRead(rows(far, ",25;", ".", ",25"), far, "dots group", Vec3d(0.25, 0.25, 0.25));
+    expectRead("1.908,5;922,25;2.900,5\n", {{1908, 922, 2900}}, "dots group",
+               Vec3d(0.5, 0.25, 0.5));
+    for (const char* separator : {"; ", ";", "\t", " "})
+        expectRead(rows(points, concat(".25", separator), ",", ".25"), points, "commas group",
+                   Vec3d(0.25, 0.25, 0.25));
     // Sorted, so that the first thousand rows have dots only, or none.
     Points sorted;
     for (int i = 0; i < 40; ++i)
@@ -125,6 +133,9 @@ TEST_F(DigitGroups, OfBlanksAreTakenOutWithinColumns)
         text += concat(grouped(p[0], " "), ",25;", grouped(p[1], " "), ",125;", grouped(p[2], " "),
                        "\n");
     expectRead(text, points, "blanks group", Vec3d(0.25, 0.125, 0));
+    // A column below 1000 and no number like 1 034.
+    expectRead("1 908,5;1 922,25;900,5\n", {{1908, 1922, 900}}, "blanks group",
+               Vec3d(0.5, 0.25, 0.5));
 }
 
 // Apostrophes, and blanks that do not break a line, separate nothing else.
@@ -152,6 +163,12 @@ TEST_F(DigitGroups, ThatMayBeSomethingElseAreRefused)
     expectRefused(rows(few, ";", "."));
     expectRefused("1 908;1 922;2 900\n1 964;1 982;2 899\n");
     expectRefused("1 908\t1 922\t2 900\n");
+    // Blanks that both group digits and separate numbers.
+    const Points large = ball(900, 2000), near = ball(90, 5500);
+    for (const char* decimals : {"", ",25", ".25"})
+        expectRefused(rows(large, std::string(decimals) + " ", " ", decimals));
+    for (const char* decimals : {",25", ".25"})
+        expectRefused(rows(near, std::string(decimals) + " ", " ", decimals));
     // Numbers that have decimal points after all.
     const Points points = ball(900, 1000);
     std::string late;

@@ -250,6 +250,29 @@ TEST(ImportPoints, CoordinatesThatStandForNoData)
     }
 }
 
+/// Two per cent that were not seen, with a height of their own; no program has it for no data.
+TEST(ImportPoints, CoordinatesThatMayStandForNoDataAreTold)
+{
+    for (const double none : {0.0, -99.0, 9999.0}) {
+        std::vector<Vec3d> places;
+        for (int i = 0; i < 1000; ++i)
+            places.emplace_back(i % 40, i / 40, i % 50 == 3 ? none : 80 + 10 * std::sin(0.1 * i));
+        const PointInput input = importPoints(PointView(places));
+        EXPECT_EQ(input.cloud.size(), 1000u);
+        ASSERT_FALSE(input.warnings.empty());
+        EXPECT_NE(
+            input.warnings[0].find("20 of its points have z = " + std::to_string(int(none)) + ","),
+            std::string::npos)
+            << input.warnings[0];
+        // Two shelves, a box's bottom, and one point far away.
+        for (Vec3d& place : places) place[2] = place[2] == none ? none : 80;
+        EXPECT_TRUE(importPoints(PointView(places)).warnings.empty());
+        for (Vec3d& place : places)
+            place[2] = place[2] == none ? 0 : 1 + 30 * std::abs(std::sin(place[0]));
+        EXPECT_TRUE(importPoints(PointView(places)).warnings.empty());
+    }
+}
+
 /// The same numbers among others, and as the bottom of a box.
 TEST(ImportPoints, CoordinatesThatAreData)
 {

@@ -330,6 +330,24 @@ TEST_F(IoTest, ClassicPwnHasNormalsAfterThePoints)
     ASSERT_EQ(cloud.size(), 2u);
     EXPECT_EQ(cloud.normals[0], Vec3f::UnitZ());
     EXPECT_EQ(cloud.normals[1], Vec3f::UnitY());
+    // Where the format has none there, the header counts too few.
+    const PointInput more = read("a.xyz", "2\n0 0 0\n1 2 3\n0 0 2\n0 1 0\n");
+    EXPECT_EQ(more.cloud.size(), 4u);
+    EXPECT_EQ(more.notes.size(), 1u);
+}
+
+TEST_F(IoTest, NumbersOfFortranAndMissingOnes)
+{
+    const PointCloud cloud = read("a.txt", "1.5D+01 -2.5d-1 .5D0\n15 1.d0 1D0\n").cloud;
+    expectWorld(cloud, 0, Vec3d(15, -0.25, 0.5));
+    expectWorld(cloud, 1, Vec3d(15, 1, 1));
+    EXPECT_NE(error("b.txt", "1 2 D3\n").find("line 1"), std::string::npos);
+    for (const char* mark : {"-", "NA", "n/a", "NULL", "None"}) {
+        const PointInput input = read("c.txt", concat("1 2 3\n4 5 ", mark, "\n7 8 9\n"));
+        EXPECT_EQ(input.cloud.size(), 2u) << mark;
+        EXPECT_EQ(input.dropped.at("not finite"), 1u);
+    }
+    EXPECT_NE(error("d.txt", "1 2 3\n4 5 six\n").find("line 2"), std::string::npos);
 }
 
 TEST_F(IoTest, NumbersAreRoundedCorrectly)

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 #include <random>
 
 namespace mpuvdb::test
@@ -96,7 +98,112 @@ TEST_F(PlainColumns, BeforePositionsMayNumberOrTimeTheRows)
     expectBall(both, "column 1 numbers the rows, column 2 times the rows: x, y and z are columns 3",
                0.1);
     EXPECT_FALSE(both.cloud.colors.empty());
-    EXPECT_EQ(read("gap.xyz", ball(gap, none)).notes.size(), 0u) << "it does not rise";
+    // It does not rise, and is whole beside coordinates with decimals.
+    expectBall(read("gap.xyz", ball(gap, none)), "column 1 has whole numbers");
+}
+
+TEST_F(PlainColumns, OfWholeNumbersBeforeDecimalsAreLabels)
+{
+    std::mt19937 random(5);
+    const auto intensity = [&](int) { return Fields{std::to_string(random() % 256)}; };
+    std::vector<int> order(kPoints);
+    std::iota(order.begin(), order.end(), 1);
+    std::shuffle(order.begin(), order.end(), random);
+    const auto shuffled = [&](int i) { return Fields{std::to_string(order[std::size_t(i)])}; };
+    const auto scan = [](int i) { return Fields{std::to_string(i / 100)}; };
+    const auto up = [](int) { return Fields{"0", "0", "1"}; };
+    const auto rgb = [](int i) { return Fields{std::to_string(i % 256), "20", "30"}; };
+    for (const char* separator : {" ", ";", ","}) {
+        SCOPED_TRACE(separator);
+        for (const auto& column : {std::function<Fields(int)>(intensity), {shuffled}}) {
+            expectBall(read("a.xyz", ball(column, none, separator)),
+                       "column 1 has whole numbers beside coordinates with decimals, and is left "
+                       "out: x, y and z are columns 2, 3 and 4");
+            const PointInput normals = read("n.xyz", ball(column, up, separator));
+            expectBall(normals, "column 1 has whole numbers");
+            EXPECT_TRUE(normals.cloud.hasNormals());
+            const PointInput colors = read("c.xyz", ball(column, rgb, separator));
+            expectBall(colors, "column 1 has whole numbers");
+            EXPECT_EQ(colors.cloud.colors.at(7), (PointCloud::Rgb{7, 20, 30}));
+        }
+        // It might be the stations of profiles, unless something behind z tells.
+        EXPECT_NE(error("s.xyz", ball(scan, none, separator)).find("never fall"),
+                  std::string::npos);
+        expectBall(read("s.xyz", ball(scan, up, separator)), "column 1 has whole numbers");
+    }
+    // Six digits leave no decimals of coordinates from 100000 on.
+    std::string text;
+    for (int i = 0; i < kPoints; ++i) {
+        char row[200];
+        const Vec3d p = Vec3d(432100, 5412.3, 41) + ballPoint(i * 67 % kPoints, 90);
+        std::snprintf(row, sizeof row, "%g %g %g %g\n", p.x(), p.y(), p.z(), std::sin(i));
+        text += row;
+    }
+    EXPECT_NEAR(read("g.xyz", text).cloud.world(0).y(), 5412.3, 90);
+    // A face of a box whose x is 0 for long, and then no more.
+    std::string box;
+    for (int i = 0; i < 6000; ++i) {
+        const double u = std::fmod(0.6180339 * i, 1), v = std::fmod(0.7548776 * i, 1);
+        box += concat(i < 3000 ? "0 " : std::to_string(u) + " ", std::to_string(v), " ",
+                      i < 3000 ? std::to_string(u) : "0.5", " ", std::to_string(u * v), "\n");
+    }
+    const PointInput faces = read("b.xyz", box);
+    EXPECT_TRUE(faces.notes.empty());
+    EXPECT_NEAR(faces.cloud.world(10).y(), std::fmod(7.548776, 1), 1e-5);
+}
+
+TEST_F(PlainColumns, OfUnitLengthBeforeOthersAreNormals)
+{
+    const auto normal = [](int i) {
+        const Vec3d n = ballPoint(i * 67 % kPoints, 1);
+        return Fields{std::to_string(n.x()), std::to_string(n.y()), std::to_string(n.z())};
+    };
+    const auto rgb = [](int i) { return Fields{std::to_string(i % 256), "20", "30"}; };
+    const Vec3d middle(500, 30, 8);
+    const auto expectNormals = [&](const PointInput& input, const std::string& note) {
+        expectBall(input, note, 90, middle);
+        ASSERT_TRUE(input.cloud.hasNormals());
+        for (std::size_t i = 0; i < input.cloud.size(); ++i)
+            EXPECT_GT(input.cloud.normals[i].cast<double>().dot(input.cloud.world(i) - middle), 89);
+    };
+    const std::string note = "columns 1, 2 and 3 are of unit length, so normals: x, y and z are "
+                             "columns 4, 5 and 6";
+    expectNormals(read("n.xyz", ball(normal, none, " ", 90, middle)), note);
+    const PointInput colors = read("c.xyz", ball(normal, rgb, " ", 90, middle));
+    expectNormals(colors, note);
+    EXPECT_EQ(colors.cloud.colors.at(7), (PointCloud::Rgb{7, 20, 30}));
+    // Behind an intensity, which is whole or a fraction.
+    const auto gray = [&](int i) {
+        Fields fields = normal(i);
+        fields.insert(fields.begin(), std::to_string(0.5 + 0.5 * std::sin(i)));
+        return fields;
+    };
+    const PointInput behind = read("g.xyz", ball(none, gray, " ", 90, middle));
+    expectNormals(behind, "");
+    const Vec3d half(0.5, 0.5, 0.5);
+    expectBall(read("h.xyz", ball(none, gray, " ", 0.4, half)), "", 0.4, half);
+    expectBall(read("h.xyz", ball(none, gray, " ", 1)), "", 1);
+    // About the origin the normals of a ball are parallel to its points, and so are its own points
+    // to longer normals; the unit ball may have colors.
+    for (const double radius : {90.0, 0.5}) {
+        const std::string message = error("o.xyz", ball(normal, none, " ", radius));
+        EXPECT_NE(message.find("columns 1, 2 and 3 are of unit length"), std::string::npos);
+        EXPECT_NE(message.find("Name the columns"), std::string::npos);
+    }
+    expectBall(read("unit.xyz", ball(none, normal, " ", 1)), "", 1);
+    expectBall(read("unit.xyz", ball(none, rgb, " ", 1)), "", 1);
+    expectBall(read("o.xyz", "nx ny nz x y z\n" + ball(normal, none)), "");
+    // Colors first, or a small solid with vectors of any length.
+    for (const double scale : {1.0, 1 / 255.0}) {
+        const auto color = [=](int i) {
+            const auto text = [=](int value) {
+                return scale == 1 ? std::to_string(value) : std::to_string(value * scale);
+            };
+            return Fields{text(i % 256), text(20), text(i * i % 256)};
+        };
+        EXPECT_NE(error("rgb.xyz", ball(color, none)).find("may be positions or colors"),
+                  std::string::npos);
+    }
 }
 
 // A raster's rows are longer than what is looked at.

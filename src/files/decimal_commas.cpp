@@ -34,9 +34,9 @@ bool partsAtGap(std::string_view line, std::size_t at)
 
 bool isNumeric(std::string_view text)
 {
-    const bool allowed = text.find_first_not_of("0123456789+-.,eE") == std::string_view::npos;
+    const bool allowed = text.find_first_not_of("0123456789+-.,eEdD") == std::string_view::npos;
     return allowed && text.find_first_of("0123456789") != std::string_view::npos &&
-           text.front() != 'e' && text.front() != 'E';
+           text.find_first_of("eEdD") != 0;
 }
 
 /// Whether @a text is like 1,5 or -,5 or 1,5e+03.

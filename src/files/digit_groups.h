@@ -16,6 +16,7 @@ enum class Groups : std::uint8_t {
     Unknown, ///< not decided so far
     None,    ///< dots are decimal points, and blanks separate numbers
     Dots,
+    Commas,
     Blanks ///< within columns that something else separates
 };
 
@@ -34,23 +35,38 @@ public:
 
 private:
     void addDots(std::string_view line);
+    void addCommas(std::string_view line);
     void addBlanks(std::string_view line);
+    void addSpaced(std::string_view line);
     void noteExample(std::string_view line);
     bool columnMixes() const;
+    bool blanksDoBoth() const;
 
     struct Column {
         bool dotted = false; ///< like 1.234
         bool small = false;  ///< whole, and not 0
     };
+    /// A column of rows in which nothing but blanks separates numbers.
+    struct Spaced {
+        bool small = true;   ///< all are whole and below 1000
+        bool three = true;   ///< all have three digits before their decimals
+        bool broken = true;  ///< and decimals
+        bool padded = false; ///< one of them begins with a zero
+    };
     std::vector<Column> mColumns;
+    std::vector<Spaced> mSpaced;
     std::string mExample;
-    bool mDots = true;       ///< dots may group: all numbers are like 1.234 or 123
-    bool mTwoDots = false;   ///< a number has two, which no decimal point explains
-    bool mBroken = false;    ///< a decimal point came after rows that dots seemed to group
-    std::size_t mDotted = 0; ///< numbers like 1.234
-    bool mBlanks = true;     ///< blanks may group: what they part is like 1 234
-    bool mBlanked = false;   ///< there are numbers like 1 234
-    bool mZeroGroup = false; ///< one is like 1 034: nobody writes a whole number as 034
+    bool mDots = true;      ///< dots may group: all numbers are like 1.234, 1.234,5, 123 or 123,5
+    bool mSureDots = false; ///< a number is like 1.234.567 or 1.234,5, which nothing else explains
+    bool mCommas = true;    ///< commas may group: all are like 1,234, 1,234.5, 123 or 123.5
+    bool mSureCommas = false; ///< a number is like 1,234.5
+    bool mBroken = false;     ///< a decimal point came after rows that dots seemed to group
+    std::size_t mDotted = 0;  ///< numbers like 1.234
+    bool mBlanks = true;      ///< blanks may group: what they part is like 1 234
+    bool mBlanked = false;    ///< there are numbers like 1 234
+    bool mZeroGroup = false;  ///< one is like 1 034: nobody writes a whole number as 034
+    std::size_t mBrokenField = SIZE_MAX;      ///< a column with numbers like 1 234.5
+    bool mTwoBroken = false;                  ///< there is another one
     std::size_t mLeast = SIZE_MAX, mMost = 0; ///< numbers of a row, if blanks separate them
 };
 

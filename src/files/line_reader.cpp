@@ -26,7 +26,7 @@ bool isBlank(const char* begin, const char* end)
 
 bool isSaid(Groups groups)
 {
-    return groups == Groups::Dots || groups == Groups::Blanks;
+    return groups == Groups::Dots || groups == Groups::Commas || groups == Groups::Blanks;
 }
 
 } // namespace

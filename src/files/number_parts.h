@@ -48,7 +48,7 @@ public:
     /// Whether nothing but an exponent is left.
     bool ends()
     {
-        if (mark('e') || mark('E')) {
+        if (mark('e') || mark('E') || mark('d') || mark('D')) {
             if (!mark('-')) mark('+');
             if (digits().empty()) return false;
         }

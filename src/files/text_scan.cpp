@@ -63,12 +63,24 @@ double beyondDoubles(std::string_view word)
     return tiny ? 0.0 : std::numeric_limits<double>::infinity();
 }
 
+// Fortran's mark of the exponent of a number in double precision, which is an E to all others.
+std::string withoutD(std::string_view word)
+{
+    std::string plain(word);
+    const std::size_t d = plain.find_first_of("dD");
+    if (d != std::string::npos && d > 0 && (isDigit(plain[d - 1]) || plain[d - 1] == '.'))
+        plain[d] = 'e';
+    return plain;
+}
+
 bool parseAnyNumber(std::string_view word, double& value)
 {
     if (!word.empty() && word.front() == '+') word.remove_prefix(1);
     const auto [at, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     if (error == std::errc::result_out_of_range) value = beyondDoubles(word);
     if (error != std::errc::invalid_argument && at == word.data() + word.size()) return true;
+    if (const std::string plain = withoutD(word); plain != word)
+        return parseAnyNumber(plain, value);
     if (!isOldStyleNotFinite(word)) return false;
     value = std::numeric_limits<double>::quiet_NaN();
     return true;

@@ -38,7 +38,8 @@ public:
         return atEnd() || *mAt == '#' || (*mAt == '/' && mAt + 1 != mEnd && mAt[1] == '/');
     }
     /// Read a number, correctly rounded; NaN and infinities as text count as numbers, values too
-    /// large for a double become infinite. @return false if it is none (or missing).
+    /// large for a double become infinite, and an exponent may begin with Fortran's D. @return
+    /// false if it is none (or missing).
     bool number(double& value);
     /// Read an integer. @return false if it is none, or out of range.
     bool integer(std::int64_t& value);

@@ -31,22 +31,23 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 
 } // namespace
 
-ColumnLayout layoutFromValues(const SampleRows& rows, ColumnOrder order, std::size_t leading)
+ColumnLayout layoutFromValues(const SampleRows& rows, ColumnOrder order,
+                              const std::vector<Attribute>& leading)
 {
-    if (leading > 0) {
+    if (!leading.empty()) {
         SampleRows behind;
         for (const auto& row : rows)
-            behind.emplace_back(row.begin() + std::ptrdiff_t(leading), row.end());
-        ColumnLayout layout = layoutFromValues(behind, order);
-        layout.columns.insert(layout.columns.begin(), leading, Attribute::None);
+            behind.emplace_back(row.begin() + std::ptrdiff_t(leading.size()), row.end());
+        ColumnLayout layout = layoutFromValues(behind, order, {});
+        layout.columns.insert(layout.columns.begin(), leading.begin(), leading.end());
         return layout;
     }
     ColumnLayout layout;
     layout.columns.assign(rows.front().size(), Attribute::None);
     assign(layout, 0, Attribute::X);
     const std::size_t columns = layout.columns.size();
-    // Before a color there may be an intensity.
-    for (const std::size_t first : {std::size_t(3), std::size_t(6), std::size_t(7)})
+    // Before them there may be an intensity, a color, or both.
+    for (const std::size_t first : {3UL, 4UL, 6UL, 7UL})
         if (areUnit(rows, first)) {
             assign(layout, first, Attribute::NormalX);
             break;

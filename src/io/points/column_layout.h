@@ -14,14 +14,15 @@ struct ColumnLayout {
 /// What a file's format says of columns without names.
 enum class ColumnOrder : std::uint8_t {
     Free,           ///< nothing
+    NormalsLast,    ///< behind all positions, in rows of their own, their normals may stand
     IntensityFirst, ///< of the four behind a position the first is the intensity of a color
 };
 
 /// The layout by the values of some rows, all of the same length of at least three: positions
-/// first, behind @a leading columns without a meaning; then triples of unit length are normals,
-/// triples of whole numbers in [0,255] colors, and so are those in [0,65535] at the end or before
-/// normals, and fractions where nothing else is left beside positions and normals.
+/// first, behind columns of which @a leading tells the meaning; then triples of unit length are
+/// normals, triples of whole numbers in [0,255] colors, and so are those in [0,65535] at the end or
+/// before normals, and fractions where nothing else is left beside positions and normals.
 ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows, ColumnOrder order,
-                              std::size_t leading = 0);
+                              const std::vector<Attribute>& leading);
 
 } // namespace mpuvdb

@@ -63,6 +63,16 @@ LineScanner scanRow(std::string_view row, std::string& unquoted)
     }
 }
 
+/// Reads a number, or NaN for what marks in tables that there is none.
+bool readValue(LineScanner& scan, double& value)
+{
+    LineScanner ahead = scan;
+    if (scan.number(value)) return true;
+    const std::string word = lowerCase(ahead.word());
+    value = std::numeric_limits<double>::quiet_NaN();
+    return word == "-" || word == "na" || word == "n/a" || word == "null" || word == "none";
+}
+
 class ColumnReader
 {
 public:
@@ -211,7 +221,7 @@ private:
         }
         double value = 0;
         while (!scan.atEndOrComment()) {
-            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            if (!readValue(scan, value)) throwBad(number, line, "is not a row of numbers");
             row.push_back(value);
         }
         if (row.size() == 1 && mBegin.hasCount) return;
@@ -242,7 +252,7 @@ private:
             double value = 0;
             LineScanner text(field);
             const bool isRead = columns[column] != Attribute::None;
-            if (isRead && !(text.number(value) && text.atEndOrComment()))
+            if (isRead && !(readValue(text, value) && text.atEndOrComment()))
                 throwBad(number, line,
                          fmt::format("has {} in column {}, where a number has to be",
                                      field.empty() ? "nothing" : inQuotes(field), column + 1));
@@ -271,38 +281,39 @@ private:
         if (mBegin.layout.columns.size() != columns) {
             refuseOtherColumns(columns);
             const bool named = !mBegin.layout.columns.empty(); // x, y and z the first
-            mBegin.layout = layoutFromValues(sample, mOrder, named ? 0 : leadingColumns(sample));
+            const std::vector<Attribute> leading =
+                named ? std::vector<Attribute>() : leadingColumns(sample);
+            mBegin.layout = layoutFromValues(sample, mOrder, leading);
         }
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
         mBegin.has.packedRgb = mBegin.has.byteColors = false;
     }
 
-    /// The number of columns before x, which number or time the rows.
-    std::size_t leadingColumns(const std::vector<std::vector<double>>& sample)
+    /// The meaning of each column before x.
+    std::vector<Attribute> leadingColumns(const std::vector<std::vector<double>>& sample)
     {
-        for (std::size_t column = 0;; ++column) {
+        std::vector<Attribute> leading;
+        for (;;) {
+            const std::size_t column = leading.size();
             Leading meaning = leadingColumn(sample, column);
-            if (meaning == Leading::Coordinate && sample.size() == kSampleRows &&
-                mayBeRasterLine(sample, column))
+            if (sample.size() == kSampleRows && mayChange(meaning, sample, column))
                 meaning = leadingColumn(firstRows(kRisingRows), column);
-            if (meaning != Leading::Coordinate && !risesOn(column))
-                meaning = leadingIfItFalls(meaning);
-            if (meaning == Leading::Unclear)
-                throw InputError(fmt::format(
-                    "{}: column {} rises from row to row: it may be x, or number or time the rows. "
-                    "Name the columns in the first line, such as 'x y z intensity' or 'time x y "
-                    "z'.",
-                    mSource.name(), column + 1));
+            if (hasToRise(meaning) && !risesOn(column)) meaning = leadingIfItFalls(meaning);
+            if (const std::string why = whyUnclear(meaning, column); !why.empty())
+                throw InputError(fmt::format("{}: {}", mSource.name(), why));
             if (meaning == Leading::Coordinate) {
                 if (column > 0)
                     mBegin.leading += fmt::format(": x, y and z are columns {}, {} and {}",
                                                   column + 1, column + 2, column + 3);
-                return column;
+                return leading;
             }
-            mBegin.leading +=
-                fmt::format("{}column {} {} the rows", column == 0 ? "" : ", ", column + 1,
-                            meaning == Leading::Time ? "times" : "numbers");
+            mBegin.leading += (column == 0 ? "" : ", ") + whatItIs(meaning, column);
+            if (meaning == Leading::Normals)
+                leading.insert(leading.end(),
+                               {Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ});
+            else
+                leading.push_back(Attribute::None);
         }
     }
 
@@ -332,7 +343,7 @@ private:
             if (isComment(line, lines.line()) || (mBegin.tagged && scan.word() != "p")) continue;
             double value = 0;
             std::size_t read = 0;
-            while (read <= column && scan.number(value)) ++read;
+            while (read <= column && readValue(scan, value)) ++read;
             if (read <= column || scan.atEndOrComment()) continue; // the number of points
             if (!(value > before)) return false;
             before = value;
@@ -380,7 +391,7 @@ private:
         std::size_t column = 0;
         for (; column < mBegin.layout.columns.size() && !scan.atEndOrComment(); ++column) {
             double value = 0;
-            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            if (!readValue(scan, value)) throwBad(number, line, "is not a row of numbers");
             const Attribute attribute = mBegin.layout.columns[column];
             if (attribute == Attribute::None) continue;
             row[std::size_t(attribute)] = value;
@@ -402,7 +413,8 @@ private:
         rows.points.append(row, mBegin.has);
     }
 
-    // Compares with the announced number; as many triples again are normals, in order.
+    // Compares with the announced number; in some formats as many triples again are normals, in
+    // order.
     void compareCount(FilePoints& result, std::uint64_t counted) const
     {
         const std::uint64_t found = result.size();
@@ -410,8 +422,10 @@ private:
             throw InputError(fmt::format("{}: promises {} points, but {} follow: the file is "
                                          "truncated. Copy or export it again.",
                                          mSource.name(), counted, found));
-        if (mBegin.layout.columns.size() != 3 || counted == 0 || counted != mBegin.count ||
-            found != 2 * counted) {
+        const bool areNormalsBehind = mOrder == ColumnOrder::NormalsLast &&
+                                      mBegin.layout.columns.size() == 3 && counted > 0 &&
+                                      counted == mBegin.count && found == 2 * counted;
+        if (!areNormalsBehind) {
             if (found > counted)
                 result.notes.push_back(
                     fmt::format("its header says {} points, and {} are there, which all were read",
@@ -437,6 +451,11 @@ private:
 FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
     return ColumnReader(source, ColumnOrder::Free, scalars, progress).read();
+}
+
+FilePoints readPwn(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
+{
+    return ColumnReader(source, ColumnOrder::NormalsLast, scalars, progress).read();
 }
 
 FilePoints readPts(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)

@@ -44,7 +44,7 @@ Reader readerByExtension(const std::string& extension)
         {".ply", readPly},        {".obj", readObj},     {".off", readOff},
         {".stl", readStl},        {".pcd", readPcd},     {".las", readLas},
         {".ptx", readPtx},        {".xyz", readColumns}, {".xyzn", readColumns},
-        {".xyzrgb", readColumns}, {".pts", readPts},     {".pwn", readColumns},
+        {".xyzrgb", readColumns}, {".pts", readPts},     {".pwn", readPwn},
         {".txt", readColumns},    {".csv", readColumns}, {".asc", readColumns},
         {".tsv", readColumns},
     };
@@ -80,10 +80,13 @@ FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scal
     scaleColors(points, progress);
     if (source.commas() == Commas::Decimal)
         points.notes.insert(points.notes.begin(), "its numbers have decimal commas");
-    if (source.groups() == Groups::Dots || source.groups() == Groups::Blanks)
+    const Groups groups = source.groups();
+    if (groups == Groups::Dots || groups == Groups::Commas || groups == Groups::Blanks)
         points.notes.insert(points.notes.begin(),
                             fmt::format("{} group the digits of its numbers",
-                                        source.groups() == Groups::Dots ? "dots" : "blanks"));
+                                        groups == Groups::Dots     ? "dots"
+                                        : groups == Groups::Commas ? "commas"
+                                                                   : "blanks"));
     return points;
 }
 
@@ -96,7 +99,7 @@ FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints,
     FilePoints points = readFormat(file, scalars, progress);
     addMeshNormals(points);
     cleanPoints(points, badPoints, progress);
-    points.warnings = findRounding(points, progress);
+    if (const auto warning = findRounding(points, progress)) points.warnings.push_back(*warning);
     return points;
 }
 

@@ -12,6 +12,7 @@ FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Interru
 /// XYZ, PWN, TXT, CSV: numbers in columns, whose meaning follows from names or values.
 FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 /// PTS: such columns, with an intensity before a color.
+FilePoints readPwn(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readPts(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);

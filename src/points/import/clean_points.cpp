@@ -163,6 +163,7 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
     zeroNonFiniteScalars(points);
     const std::uint64_t total = points.size();
     const NoData noData(points);
+    if (points.triangles.empty() && points.meshTriangles == 0) points.warnings = noData.doubts();
     std::vector<BlockFaults> ofBlocks(points.blocks.size());
     tbb::parallel_for(std::size_t(0), ofBlocks.size(),
                       [&](std::size_t b) { ofBlocks[b] = countFaults(points.blocks[b], noData); });

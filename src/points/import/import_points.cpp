@@ -149,7 +149,7 @@ PointInput importPoints(const PointView& points, const std::string& name, BadPoi
     input.scalarNames = scalars;
     cleanPoints(input, badPoints, progress);
     scaleColors(input, progress);
-    input.warnings = findRounding(input, progress);
+    if (const auto warning = findRounding(input, progress)) input.warnings.push_back(*warning);
     std::vector<FilePoints> inputs;
     inputs.push_back(std::move(input));
     PointInput result = joinPoints(std::move(inputs), badPoints, scalars, progress);

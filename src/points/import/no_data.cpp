@@ -28,27 +28,61 @@ bool mayBeNone(double value)
     return next == 1;
 }
 
+/// The two outermost of some values in one direction, and how many times the first is there.
+struct Outermost {
+    double first = std::numeric_limits<double>::infinity(), second = first; ///< lowest are first
+    std::size_t count = 0;
+
+    void add(double value, std::size_t times)
+    {
+        if (value < first) {
+            second = first;
+            first = value;
+            count = 0;
+        }
+        if (value == first)
+            count += times;
+        else
+            second = std::min(second, value);
+    }
+    void add(const Outermost& more)
+    {
+        if (more.count > 0) add(more.first, more.count);
+        if (more.second < second && more.second != first) second = more.second;
+    }
+};
+
 /// The coordinates of an axis.
 struct AxisValues {
-    std::vector<double> none; ///< those that may be none, each once
-    double low = std::numeric_limits<double>::infinity(), high = -low; ///< of the others
+    std::vector<double> none;  ///< those that may be none, each once
+    Outermost lowest, highest; ///< of the others; of the highest the negatives
 
     void add(double value)
     {
         if (mayBeNone(value)) {
             if (std::find(none.begin(), none.end(), value) == none.end()) none.push_back(value);
         } else if (std::isfinite(value)) {
-            low = std::min(low, value);
-            high = std::max(high, value);
+            lowest.add(value, 1);
+            highest.add(-value, 1);
         }
     }
     void add(const AxisValues& more)
     {
         for (const double value : more.none) add(value);
-        low = std::min(low, more.low);
-        high = std::max(high, more.high);
+        lowest.add(more.lowest);
+        highest.add(more.highest);
     }
+    double low() const { return lowest.first; }
+    double high() const { return -highest.first; }
 };
+
+/// Whether several values are the same, and farther from all others than these, up to @a end, are
+/// from each other.
+bool standApart(const Outermost& outermost, double end)
+{
+    const double extent = end - outermost.second;
+    return outermost.count > 1 && extent > 0 && outermost.second - outermost.first > extent;
+}
 
 } // namespace
 
@@ -63,11 +97,20 @@ NoData::NoData(const FilePoints& points)
         AxisValues all;
         for (const auto& block : ofBlocks) all.add(block[axis]);
         std::sort(all.none.begin(), all.none.end());
+        const double low = all.low(), high = all.high();
         for (const double value : all.none)
-            if (all.high > all.low && all.low - value > all.high - all.low) {
+            if (high > low && low - value > high - low) {
                 mValues[axis].push_back(value);
                 mAny = true;
             }
+        const auto doubt = [&](std::size_t count, double value) {
+            mDoubts.push_back(fmt::format(
+                "{} of its points have {} = {}, farther from all others than these are from each "
+                "other: leave them out of the file if that stands for no data",
+                count, "xyz"[axis], value));
+        };
+        if (standApart(all.lowest, high)) doubt(all.lowest.count, low);
+        if (standApart(all.highest, -low)) doubt(all.highest.count, high);
     }
 }
 

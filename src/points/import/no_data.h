@@ -23,6 +23,8 @@ public:
     }
     /// "no data (z = -9999)"
     std::string text() const;
+    /// Of each axis a warning, if several points have one coordinate that lies so, whatever it is.
+    const std::vector<std::string>& doubts() const { return mDoubts; }
 
 private:
     bool has(std::size_t axis, double value) const
@@ -33,6 +35,7 @@ private:
     }
 
     std::array<std::vector<double>, 3> mValues;
+    std::vector<std::string> mDoubts;
     bool mAny = false;
 };
 

@@ -227,9 +227,9 @@ bool isOfFloats(const Steps& steps)
 
 } // namespace
 
-std::vector<std::string> findRounding(const FilePoints& points, Interrupter& progress)
+std::optional<std::string> findRounding(const FilePoints& points, Interrupter& progress)
 {
-    if (points.size() < kMinPoints) return {};
+    if (points.size() < kMinPoints) return std::nullopt;
     std::array<std::optional<Steps>, 3> steps;
     std::array<std::vector<double>, 3> samples;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -257,19 +257,19 @@ std::vector<std::string> findRounding(const FilePoints& points, Interrupter& pro
         coarsest = own->size;
         spacing = own->size / std::sqrt(each);
     }
-    if (coarsest == 0) return {};
+    if (coarsest == 0) return std::nullopt;
     std::vector<std::string> named;
     for (int axis = 0; axis < 3; ++axis)
         if (const auto& own = steps[std::size_t(axis)]; own && own->size > 0.5 * spacing)
             named.push_back(fmt::format("{:.4g} in {}", own->size, "xyz"[axis]));
-    return {fmt::format(
+    return fmt::format(
         "its positions were rounded to steps of {}, and its points are about {:.2g} apart: the "
         "surface will show the steps. {}",
         fmt::join(named, " and "), spacing,
         ofFloats ? "That is what floats of 32 bits leave so far from the origin: subtract an "
                    "offset from the coordinates before they are written, or write doubles"
                  : "Write them with more decimals (LAS: with a smaller scale), or, where they are "
-                   "floats of 32 bits, with an offset subtracted before")};
+                   "floats of 32 bits, with an offset subtracted before");
 }
 
 } // namespace mpuvdb
