@@ -370,6 +370,21 @@ TEST(VertexMesh, ASurfaceThatIsNotTheMeshIsTold)
     EXPECT_NE(bad.findings.back().find("mpuvdb voxelize"), std::string::npos);
 }
 
+// Parts that overlap or nearly touch: what is within both is no surface of the solid.
+TEST(VertexMesh, PartsThatOverlapAreTold)
+{
+    for (const double distance : {1.0, 3.6, 6.0}) {
+        Mesh other = test::ballPart(2, 40);
+        test::move(other, Eigen::Matrix3d::Identity(), Vec3d(distance, 0.2, 0.1));
+        const PointsExplained e =
+            explained(verticesOf(test::soupOf({test::ballPart(2, 40), other}), ".ply"));
+        EXPECT_EQ(e.findings.empty(), distance > 4) << distance;
+        if (!e.findings.empty()) {
+            EXPECT_NE(e.findings.back().find("mpuvdb voxelize"), std::string::npos);
+        }
+    }
+}
+
 // --- Parts and cavities
 
 LevelSet levelSetOf(const Mesh& mesh, double voxelSize, const Vec3d& origin)

@@ -474,6 +474,52 @@ TEST(MeshExplained, GapsThinnerThanAVoxelAreTold)
     EXPECT_NEAR(std::stod(told.substr(at)), 0.1, 0.051) << told; // to a factor of two
 }
 
+// However little of the mesh they are.
+TEST(MeshExplained, PartsAndCavitiesSmallerThanAVoxelAreTold)
+{
+    const auto told = [](const std::vector<Mesh>& parts) {
+        const MeshExplained e = explained(test::soupOf(parts), 1);
+        return e.findings.empty() ? std::string() : e.findings[0];
+    };
+    const Mesh box = test::boxPart({0, 0, 0}, {40, 40, 40});
+    const auto ball = [](double radius, const Vec3d& middle) {
+        Mesh mesh = test::ballPart(radius, 6);
+        test::move(mesh, Eigen::Matrix3d::Identity(), middle);
+        return mesh;
+    };
+    for (const double radius : {0.4, 3.0}) {
+        std::vector<Mesh> rivets = {box};
+        for (int n = 0; n < 6; ++n) rivets.push_back(ball(radius, Vec3d(7.5 * n, 5, 50.5)));
+        EXPECT_EQ(told(rivets).find("in 7 parts with 0 cavities became") != std::string::npos,
+                  radius < 1);
+        rivets.push_back(test::boxPart({35, 35, 35}, {60, 60, 60})); // crosses the box
+        EXPECT_EQ(told(rivets).find("in 7 parts") != std::string::npos, radius < 1);
+        Mesh bubble = ball(radius, Vec3d(20.5, 20.5, 20.5));
+        test::turnInward(bubble);
+        const std::string text = told({box, bubble});
+        EXPECT_EQ(text.find("with 1 cavities became") != std::string::npos, radius < 1) << text;
+    }
+    // A wire of one voxel, on voxels: on its sides is the surface, and nothing inside.
+    const Mesh wire = test::boxPart({50, 3, 3}, {51, 40, 4});
+    EXPECT_EQ(explained(test::soupOf({box, wire}), 1, Vec3d::Zero()).findings.size(), 1u);
+}
+
+// As where a file was written twice in part.
+TEST(MeshExplained, TrianglesThatAreThereTwiceCountOnce)
+{
+    Mesh mesh = test::torusPart(20, 8, 60, 30);
+    const MeshExplained whole = explained(mesh, 1);
+    for (const std::size_t copies : {std::size_t(1), std::size_t(1000), mesh.triangles.size()}) {
+        Mesh twice = mesh;
+        twice.triangles.insert(twice.triangles.end(), mesh.triangles.begin(),
+                               mesh.triangles.begin() + std::ptrdiff_t(copies));
+        const MeshExplained e = explained(twice, 1);
+        EXPECT_NEAR(e.volumeIn, whole.volumeIn, 1e-6 * whole.volumeIn);
+        EXPECT_EQ(e.partsIn, 1u);
+        EXPECT_TRUE(e.findings.empty());
+    }
+}
+
 TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
 {
     MPUVDB_CASE(file, "T08-thin-tube.stl");

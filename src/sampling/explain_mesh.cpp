@@ -146,15 +146,17 @@ void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
     const bool isMesh = solid.sheets() == nullptr;
     const bool volumeDiffers = isMesh && !solid.report().isClosedAnew &&
                                std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
-    // The number of parts is undefined where parts meet.
+    // Parts that meet are counted as one, and may be more.
     const bool isSplintered = isMesh && !solid.report().isCut && e.partsOut > e.partsIn;
-    if (volumeDiffers || isSplintered || e.missed > kMaxMissed)
+    const bool someAreLost = isMesh && !solid.report().isClosedAnew &&
+                             (e.partsOut < e.partsIn || e.cavitiesOut < e.cavitiesIn);
+    if (volumeDiffers || isSplintered || someAreLost || e.missed > kMaxMissed)
         e.findings.push_back(fmt::format(
-            "walls, gaps or details of the mesh are too thin for voxels of {:.4g}: its volume of "
-            "{:.6g} in {} parts became {:.6g} in {}, and {:.1f} % of its surface is missed. Voxels "
-            "of {:.3g} would show them",
-            h, e.volumeIn, e.partsIn, e.volumeOut, e.partsOut, 100 * e.missed,
-            missedThickness(places, missed, solid, h) / 2));
+            "walls, gaps, parts or cavities of the mesh are too thin for voxels of {:.4g}: its "
+            "volume of {:.6g} in {} parts with {} cavities became {:.6g} in {} with {}, and "
+            "{:.1f} % of its surface is missed. Voxels of {:.3g} would show them",
+            h, e.volumeIn, e.partsIn, e.cavitiesIn, e.volumeOut, e.partsOut, e.cavitiesOut,
+            100 * e.missed, missedThickness(places, missed, solid, h) / 2));
     const double area = e.areaIn + e.areaWithin + e.areaOfNothing; // of the mesh
     if (e.areaOfNothing > kMaxMissed * area)
         e.findings.push_back(fmt::format(

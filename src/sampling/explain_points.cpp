@@ -37,6 +37,12 @@ constexpr float kOff = 0.5f;
 /// Largest share of the points whose normals are off. [derived: of directions at random three
 /// quarters are, which the surface follows in half of the places; half of that is left to edges]
 constexpr double kMaxOff = 0.1875;
+/// Largest volume between a mesh and the surface, areas times mean distances. [derived: 1 is not
+/// passed where each is near the other; as much again for what the mesh has no places near]
+constexpr double kMaxApart = 2;
+/// Error of a surface between voxels, voxels. [derived: of values between those of a ball of four
+/// voxels' radius, h^2 / 8 times the sum of its curvatures]
+constexpr double kBetweenVoxels = 1.0 / 16;
 /// Distance up to which points support the surface, spacings. [tuned: explained_test]
 constexpr double kSupportReach = 5;
 
@@ -152,8 +158,8 @@ void measure(Places& places)
 /// Counts over some of the points.
 struct Counts {
     std::uint64_t points = 0, within = 0, off = 0, beyondBand = 0;
-    double largest = 0;
-    Box3d box; ///< from the points' frame
+    double largest = 0, sum = 0; ///< of the distances; those beyond the band are the band's
+    Box3d box;                   ///< from the points' frame
 
     void add(const Places& places, std::size_t count, double limit, double background)
     {
@@ -164,6 +170,7 @@ struct Counts {
             off += places.off[n] != 0;
             beyondBand += distance >= background;
             largest = std::max(largest, distance);
+            sum += distance;
         }
     }
     void add(const Counts& other)
@@ -173,6 +180,7 @@ struct Counts {
         off += other.off;
         beyondBand += other.beyondBand;
         largest = std::max(largest, other.largest);
+        sum += other.sum;
         box.extend(other.box);
     }
 };
@@ -246,8 +254,8 @@ double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Interru
     return all ? double(unsupported) / double(all) : 0;
 }
 
-/// Share of @a places that are at most @a limit from the surface.
-double shareWithin(const LevelSet& levelSet, const std::vector<Vec3d>& places, double limit)
+/// Counts over places of a mesh. @param limit  of the distance, world units.
+Counts countPlaces(const LevelSet& levelSet, const std::vector<Vec3d>& places, double limit)
 {
     const Lattice lattice = levelSet.lattice();
     BandValues band(levelSet.grid().tree());
@@ -261,20 +269,26 @@ double shareWithin(const LevelSet& levelSet, const std::vector<Vec3d>& places, d
         measure(some);
         counts.add(some, count, limit, levelSet.grid().background());
     }
-    return double(counts.within) / double(places.size());
+    return counts;
 }
 
 /// Compare the surface with the mesh whose vertices the points are. @param limit  largest distance
-/// of places between the points, world units.
+/// of places between the points, world units. @param tolerance  of the fit, world units.
 void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexMesh& mesh,
-                     double limit)
+                     double limit, double tolerance)
 {
     e.mesh = mesh;
     e.mesh->places.clear();
     const bool isKnown = limit < levelSet.halfWidth() * levelSet.voxelSize(); // that far
-    e.meshWithin = isKnown ? shareWithin(levelSet, mesh.places, limit) : 1;
+    const Counts counts = countPlaces(levelSet, mesh.places, limit);
+    const double each = 1 / double(mesh.places.size());
+    e.meshWithin = isKnown ? double(counts.within) * each : 1;
+    // Between two surfaces is at most their distance times the area, of which noise is on both
+    // sides.
+    const double apart =
+        kMaxApart * std::min(counts.sum * each, tolerance) + kBetweenVoxels * levelSet.voxelSize();
     const bool volumeDiffers =
-        mesh.isClosed && std::abs(e.volume - mesh.volume) > limit * std::max(mesh.area, e.area);
+        mesh.isClosed && std::abs(e.volume - mesh.volume) > apart * std::max(mesh.area, e.area);
     if (1 - e.meshWithin <= kMaxUnexplained && !volumeDiffers) return;
     e.findings.push_back(fmt::format(
         "the surface through the mesh's vertices is not the mesh: {:.1f} % of its area is farther "
@@ -376,7 +390,8 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.parts = parts.parts;
     e.cavities = parts.cavities;
     compareExtent(e, levelSet, counts, points.frame);
-    if (points.mesh) compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2);
+    if (points.mesh)
+        compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2, fit.tolerance);
     return e;
 }
 

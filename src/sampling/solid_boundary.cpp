@@ -45,6 +45,17 @@ double volumeOf(const Corners& t, const Vec3d& from)
     return a.dot(b.cross(t[2].cast<double>() - from)) / 6;
 }
 
+/// Orients a mesh. Copies of triangles are there where parts share faces, or were written twice by
+/// mistake: that leaves the edges about them open.
+OrientedTriangles orient(const Mesh& mesh, bool repairs, Interrupter& progress)
+{
+    if (repairs) return orientTriangles(mesh, Copies::Merge, progress);
+    OrientedTriangles added = orientTriangles(mesh, Copies::Add, progress);
+    if (added.isClosed() || added.copies == 0) return added;
+    OrientedTriangles merged = orientTriangles(mesh, Copies::Merge, progress);
+    return merged.openEdges < added.openEdges ? merged : added;
+}
+
 /// Joins the triangles of a mesh that are one surface: neighbors, and those that meet.
 UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
 {
@@ -156,7 +167,7 @@ double mixedFor(const Mesh& mesh, const Box3d& box, double voxelSize)
 
 SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const RepairSettings* repair,
                              Interrupter& progress, bool isOpen)
-    : mTriangles(orientTriangles(mesh, repair ? Copies::Merge : Copies::Add, progress))
+    : mTriangles(orient(mesh, repair, progress))
 {
     if (repair) repairPatches(lattice, *repair, progress);
     mReport.openEdges = mTriangles.openEdges;
