@@ -112,10 +112,12 @@ private:
                       const CheckReport& report)
     {
         if (report.sound() && session.options().quiet) return;
-        std::string text =
-            fmt::format("{}: {}: {} ({} active voxels, mean ||grad| - 1| {:.4f}, largest {:.3f})\n",
-                        file, name, report.sound() ? "sound" : "NOT a sound level set",
-                        report.activeVoxels, report.meanGradientError, report.maxGradientError);
+        const char* const verdict = !report.sound()            ? "NOT a sound level set"
+                                    : report.activeVoxels == 0 ? "sound, but empty"
+                                                               : "sound";
+        std::string text = fmt::format(
+            "{}: {}: {} ({} active voxels, mean ||grad| - 1| {:.4f}, largest {:.3f})\n", file, name,
+            verdict, report.activeVoxels, report.meanGradientError, report.maxGradientError);
         for (const CheckFinding& finding : report.findings)
             text += "    " + findingText(finding) + "\n";
         printText(text);

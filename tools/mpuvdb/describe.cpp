@@ -96,7 +96,7 @@ std::string explainedText(const MeshExplained& explained)
 {
     const MeshExplained& e = explained;
     return fmt::format(
-        "volume {:.6g} of {:.6g} (voxels explain {:.2g}), parts {} of {}, {:.2g} % of "
+        "volume {:.6g} of {:.6g} (voxels explain {:.2g}), parts {} of {}, {:.3g} % of "
         "the surface missed",
         e.volumeOut, e.volumeIn, e.volumeExplained, e.partsOut, e.partsIn, 100 * e.missed);
 }
