@@ -504,6 +504,34 @@ TEST(MeshExplained, PartsAndCavitiesSmallerThanAVoxelAreTold)
     EXPECT_EQ(explained(test::soupOf({box, wire}), 1, Vec3d::Zero()).findings.size(), 1u);
 }
 
+// Where floats are coarse, as voxels show; not where they are fine, whole, or were doubles.
+TEST(MeshExplained, PositionsRoundedFarFromTheOriginAreTold)
+{
+    const auto told = [](const Mesh& mesh, double voxelSize) {
+        SampleSettings settings;
+        settings.lattice = {mesh.frame, voxelSize};
+        Interrupter progress;
+        voxelize(mesh, settings, &progress);
+        return progress.notes().empty() ? std::string() : progress.notes()[0];
+    };
+    const auto farBall = [](const Vec3d& middle, bool isOfFloats) {
+        Mesh mesh = test::ballPart(1, 12);
+        for (Vec3f& p : mesh.positions) {
+            const Vec3d world = middle + p.cast<double>();
+            if (isOfFloats) p = (world.cast<float>().cast<double>() - middle).cast<float>();
+        }
+        mesh.frame = middle;
+        return mesh;
+    };
+    const Vec3d utm(4e5, 5.4e6, 300), city(4e3, 8e3, 300);
+    EXPECT_NE(told(farBall(utm, true), 0.05).find("lie 0.5 apart"), std::string::npos);
+    EXPECT_EQ(told(farBall(city, true), 0.05), "");
+    EXPECT_EQ(told(farBall(utm, false), 0.05), "");
+    Mesh whole = test::boxPart({0, 0, 0}, {3, 4, 5});
+    whole.frame = Vec3d(432101, 5412301, 7);
+    EXPECT_EQ(told(whole, 0.1), "");
+}
+
 // As where a file was written twice in part.
 TEST(MeshExplained, TrianglesThatAreThereTwiceCountOnce)
 {

@@ -6,6 +6,7 @@
 #include "grid/has_inside.h"
 #include "grid/transform_lattice.h"
 #include "mesh_signs.h"
+#include "rounded_mesh.h"
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
@@ -319,6 +320,7 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.beginStage("explain");
+    if (const auto warning = roundingOf(mesh, h)) progress.note(*warning);
     auto explained = std::make_shared<Explained>();
     MeshExplained e = explainMesh(solid, lattice.origin - mesh.frame, LevelSet(grid), progress);
     e.repair = repaired;
