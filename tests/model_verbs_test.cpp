@@ -278,6 +278,33 @@ TEST_F(ModelVerbs, GridsKeepTheirNames)
     }
 }
 
+// Of the first input: what others wrote of their shot, in the file and with the grid.
+TEST_F(ModelVerbs, MetadataGoAlong)
+{
+    Interrupter progress;
+    openvdb::MetaMap ofFile;
+    ofFile.insertMeta("scene", openvdb::StringMetadata("arm.hip"));
+    auto grid = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    grid->insertMeta("frame", openvdb::Int32Metadata(7));
+    writeGrids(folder / "shot.vdb", {grid}, ofFile, &progress);
+    for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+             {"transform", "shot.vdb", "-o", "x.vdb", "--translate", "1,0,0"},
+             {"resample", "shot.vdb", "-o", "x.vdb", "--voxel-size", "0.08"},
+             {"union", "shot.vdb", "box.vdb", "-o", "x.vdb"},
+             {"analyze", "shot.vdb", "-o", "x.vdb"},
+             {"fog", "shot.vdb", "-o", "x.vdb"},
+             {"merge", "shot.vdb", "box=box.vdb", "-o", "x.vdb"}}) {
+        SCOPED_TRACE(words[0]);
+        command(words);
+        EXPECT_EQ(readFileMetadata(folder / "x.vdb").metaValue<std::string>("scene"), "arm.hip");
+        const openvdb::GridCPtrVec heads = readGridHeads(folder / "x.vdb");
+        EXPECT_TRUE(std::any_of(heads.begin(), heads.end(), [](const auto& head) {
+            const auto frame = head->template getMetadata<openvdb::Int32Metadata>("frame");
+            return frame && frame->value() == 7;
+        }));
+    }
+}
+
 TEST_F(ModelVerbs, AGridOfTheResultsNameGivesWay)
 {
     const auto density = openvdb::FloatGrid::create();

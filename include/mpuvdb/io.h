@@ -138,6 +138,7 @@ LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name
 struct LevelSetFile {
     LevelSet levelSet;
     openvdb::GridCPtrVec others;
+    openvdb::MetaMap metadata;      ///< of the file itself
     std::vector<std::string> notes; ///< of repairs, for the user
 };
 
@@ -149,6 +150,7 @@ LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::stri
 struct FloatGridFile {
     openvdb::FloatGrid::Ptr grid;
     openvdb::GridCPtrVec others;
+    openvdb::MetaMap metadata; ///< of the file itself
 };
 
 /// Reads the grid called @a name, or, if empty, the first float grid. @throws as readLevelSet().
@@ -174,6 +176,10 @@ std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::pa
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
                               Interrupter* interrupter = nullptr);
 
+/// Reads the metadata of a .vdb file itself, which are no grid's. @throws IoError, InputError (as
+/// readLevelSet()).
+openvdb::MetaMap readFileMetadata(const std::filesystem::path& file);
+
 /// Reads names, classes, transforms and metadata of all grids of a .vdb file; their trees are
 /// empty.
 /// @throws IoError, InputError (as readLevelSet()).
@@ -195,8 +201,16 @@ void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata,
                    const openvdb::GridCPtrVec& beside = {}, Interrupter* interrupter = nullptr);
 
+/// The same, with metadata of the file itself.
+void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
+                   const std::map<std::string, std::string>& metadata,
+                   const openvdb::GridCPtrVec& beside, const openvdb::MetaMap& ofFile,
+                   Interrupter* interrupter = nullptr);
+
 /// Writes @a grids as they are, else as writeLevelSet().
 void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
                 Interrupter* interrupter = nullptr);
+void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
+                const openvdb::MetaMap& ofFile, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

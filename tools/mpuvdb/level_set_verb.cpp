@@ -20,6 +20,16 @@ namespace mpuvdb::command
 namespace
 {
 
+/// A level set with the metadata of the grid that it was made of, but for what it has of its own.
+LevelSet inheriting(const LevelSet& made, const openvdb::FloatGrid& of)
+{
+    openvdb::MetaMap metadata(of);
+    metadata.insertMeta(made.grid());
+    return {
+        openvdb::gridConstPtrCast<openvdb::FloatGrid>(made.grid().copyReplacingMetadata(metadata)),
+        made.explained()};
+}
+
 /// Voxels: what operations take at least, and what they get instead.
 constexpr double kLeastHalfWidth = 1.5, kHalfWidth = 3;
 
@@ -62,18 +72,18 @@ GridInput readGridInput(const std::string& text, const std::string& grid, Sessio
     for (const auto& other : there->others) session.hold(other->memUsage());
     const Box3d box = Shape(there->levelSet).bounds();
     const double diagonal = box.isEmpty() ? 0 : box.diagonal().norm();
-    return {file, std::move(there->levelSet), std::move(there->others), diagonal};
+    return {file, std::move(there->levelSet), std::move(there->others), there->metadata, diagonal};
 }
 
 ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
                          const openvdb::GridCPtrVec& beside, Session& session,
-                         double gradientTolerance)
+                         const openvdb::MetaMap& ofFile, double gradientTolerance)
 {
     const CheckReport checked =
         check(levelSet.grid(), gradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
     const auto write = [&](const std::filesystem::path& file) {
-        writeLevelSet(file, levelSet, metadata, beside, &session.progress());
+        writeLevelSet(file, levelSet, metadata, beside, ofFile, &session.progress());
     };
     if (output == "-")
         printFile(".vdb", write);
@@ -138,15 +148,16 @@ ExitCode LevelSetVerb::run(Session& session)
     std::vector<GridInput> inputs;
     for (const std::string& file : mInputs) inputs.push_back(readGridInput(file, mGrid, session));
     session.progress().beginStage(text().name);
-    const LevelSet made = make(inputs, session);
+    const GridInput& first = inputs.front();
+    const LevelSet made = inheriting(make(inputs, session), first.levelSet.grid());
     for (const std::string& note : session.progress().notes()) session.warn(note);
     session.report()["settings"] = mSettings;
     std::map<std::string, std::string> metadata = {{"mpuvdb:version", MPUVDB_VERSION},
                                                    {"mpuvdb:operation", text().name}};
     for (const auto& [key, value] : mSettings.items())
         metadata["mpuvdb:" + key] = value.is_string() ? value.get<std::string>() : value.dump();
-    const ExitCode code =
-        writeGridOutput(made, mOutput, metadata, gridsBeside(made, inputs, session), session);
+    const ExitCode code = writeGridOutput(
+        made, mOutput, metadata, gridsBeside(made, inputs, session), session, first.metadata);
     session.progress().endStage();
     session.note("time        " + session.timesText());
     return code;

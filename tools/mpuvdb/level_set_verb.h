@@ -16,7 +16,8 @@ struct GridInput {
     std::string file;
     LevelSet levelSet;
     openvdb::GridCPtrVec others;
-    double diagonal = 0; ///< of the solid's box, world units
+    openvdb::MetaMap metadata; ///< of the file itself
+    double diagonal = 0;       ///< of the solid's box, world units
 
     /// @a length in world units.
     double resolve(const Length& length) const
@@ -40,10 +41,11 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
 
 /// Check @a levelSet, write it with @a metadata and the grids of @a beside ("-": to standard
 /// output), report all that. @return CheckFailed if it is not sound.
-/// @param gradientTolerance  of check().
+/// @param ofFile  metadata of the file itself. @param gradientTolerance  of check().
 ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
                          const openvdb::GridCPtrVec& beside, Session& session,
+                         const openvdb::MetaMap& ofFile = {},
                          double gradientTolerance = kGradientTolerance);
 
 /// The grids of @a others that are not called @a name: what is made takes the place of such a one,

@@ -109,7 +109,7 @@ public:
         for (const NamedFile& input : inputs) add(input, session);
         openvdb::GridCPtrVec grids(mGrids.begin(), mGrids.end());
         const auto write = [&](const std::filesystem::path& file) {
-            writeGrids(file, grids, &session.progress());
+            writeGrids(file, grids, mMetadata, &session.progress());
         };
         if (mOutput == "-")
             printFile(".vdb", write);
@@ -189,6 +189,9 @@ private:
         openvdb::GridPtrVec grids;
         readFile(input.file, ".vdb", [&](const std::filesystem::path& path) {
             grids = readGrids(path, session.bytesLeft(), &session.progress());
+            openvdb::MetaMap metadata = readFileMetadata(path);
+            metadata.insertMeta(mMetadata); // earlier files' stay
+            mMetadata = metadata;
         });
         const std::vector<std::string> names = distinctNames(grids);
         for (std::size_t n = 0; n < grids.size(); ++n) {
@@ -238,6 +241,7 @@ private:
     std::string mOutput;
     MeshOutput mMesh;
     openvdb::GridPtrVec mGrids;
+    openvdb::MetaMap mMetadata; ///< of the files themselves
     Json mList = Json::array();
 };
 

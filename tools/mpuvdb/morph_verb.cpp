@@ -71,13 +71,13 @@ public:
         session.note(fmt::format("morph       at {:.4g}", t));
         const LevelSet made = Shape::morph(Shape(ends[0]), Shape(ends[1]), t, how())
                                   .evaluate(settingsLike(ends, session), &session.progress());
-        const ExitCode code =
-            writeGridOutput(made, mOutput,
-                            {{"mpuvdb:version", MPUVDB_VERSION},
-                             {"mpuvdb:operation", "morph"},
-                             {"mpuvdb:at", fmt::format("{}", t)},
-                             {"mpuvdb:method", mMethod}},
-                            carriedGrids(made, inputs.front(), {}, session), session);
+        const ExitCode code = writeGridOutput(made, mOutput,
+                                              {{"mpuvdb:version", MPUVDB_VERSION},
+                                               {"mpuvdb:operation", "morph"},
+                                               {"mpuvdb:at", fmt::format("{}", t)},
+                                               {"mpuvdb:method", mMethod}},
+                                              carriedGrids(made, inputs.front(), {}, session),
+                                              session, inputs.front().metadata);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;

@@ -85,9 +85,9 @@ public:
         const ParticleResult made =
             particlesToLevelSet(std::move(particles), mOptions, &session.progress());
         describe(made.report, session);
-        ExitCode code =
-            writeGridOutput(made.levelSet(), mOutput, metadata(made.report),
-                            {made.beside.begin(), made.beside.end()}, session, gradientTolerance());
+        ExitCode code = writeGridOutput(made.levelSet(), mOutput, metadata(made.report),
+                                        {made.beside.begin(), made.beside.end()}, session, {},
+                                        gradientTolerance());
         if (!mMesh.path.empty()) code = std::max(code, writeMesh(made, session));
         for (const std::string& finding : made.report.findings) session.warn(finding);
         if (!made.report.findings.empty()) code = std::max(code, ExitCode::CheckFailed);

@@ -164,9 +164,10 @@ public:
             session.report()["grids"].push_back(grid->getName());
         }
         grids.insert(grids.end(), others.begin(), others.end());
-        const ExitCode code = writeGridOutput(
-            input.levelSet, mOutput,
-            {{"mpuvdb:version", MPUVDB_VERSION}, {"mpuvdb:operation", "analyze"}}, grids, session);
+        const ExitCode code =
+            writeGridOutput(input.levelSet, mOutput,
+                            {{"mpuvdb:version", MPUVDB_VERSION}, {"mpuvdb:operation", "analyze"}},
+                            grids, session, input.metadata);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;

@@ -48,7 +48,7 @@ public:
         const auto others = besides(input.others, grids.front()->getName(), session);
         grids.insert(grids.end(), others.begin(), others.end());
         const auto write = [&](const std::filesystem::path& file) {
-            writeGrids(file, grids, &session.progress());
+            writeGrids(file, grids, input.metadata, &session.progress());
         };
         if (mOutput == "-")
             printFile(".vdb", write);
@@ -124,13 +124,13 @@ public:
                        mHalfWidth, session.bytesLeft(), &session.progress());
         session.report()["settings"] = {
             {"grid", name}, {"value", mValue}, {"inside", mInside}, {"half_width", mHalfWidth}};
-        const ExitCode code =
-            writeGridOutput(made, mOutput,
-                            {{"mpuvdb:version", MPUVDB_VERSION},
-                             {"mpuvdb:operation", "isosurface"},
-                             {"mpuvdb:value", fmt::format("{}", mValue)},
-                             {"mpuvdb:inside", mInside}},
-                            besides(input.others, made.grid().getName(), session), session);
+        const ExitCode code = writeGridOutput(made, mOutput,
+                                              {{"mpuvdb:version", MPUVDB_VERSION},
+                                               {"mpuvdb:operation", "isosurface"},
+                                               {"mpuvdb:value", fmt::format("{}", mValue)},
+                                               {"mpuvdb:inside", mInside}},
+                                              besides(input.others, made.grid().getName(), session),
+                                              session, input.metadata);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;
@@ -186,7 +186,7 @@ public:
                                {{"mpuvdb:version", MPUVDB_VERSION},
                                 {"mpuvdb:operation", "components"},
                                 {"mpuvdb:min_volume", fmt::format("{}", mMinVolume)}},
-                               input.others, session);
+                               input.others, session, input.metadata);
     }
 
 private:

@@ -203,7 +203,7 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
         std::vector<std::string> notes;
         const LevelSet taken =
             toLevelSet(file, levelSet, Validation::Distances, notes, interrupter);
-        return LevelSetFile{taken, std::move(others), std::move(notes)};
+        return LevelSetFile{taken, std::move(others), archive.fileMetadata(), std::move(notes)};
     });
 }
 
@@ -213,6 +213,7 @@ FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
     return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
         FloatGridFile result;
+        result.metadata = archive.fileMetadata();
         std::vector<std::string> there;
         for (const std::string& item : archive.names()) {
             const GridBase::Ptr grid = reader.read(item);
@@ -277,6 +278,12 @@ openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
         for (const std::string& item : archive.names()) grids.push_back(reader.read(item));
         return grids;
     });
+}
+
+openvdb::MetaMap readFileMetadata(const fs::path& file)
+{
+    return withVdbFile(file, nullptr,
+                       [](VdbReader& archive) { return openvdb::MetaMap(archive.fileMetadata()); });
 }
 
 openvdb::GridCPtrVec readGridHeads(const fs::path& file)

@@ -88,7 +88,7 @@ VdbReader::VdbReader(const std::filesystem::path& file, const Interrupter& progr
         OPENVDB_THROW(openvdb::IoError, "it cannot be opened");
     mStream.exceptions(std::ios::badbit | std::ios::failbit); // passes on the buffer's exceptions
     readHead();
-    openvdb::MetaMap().readMeta(mStream);
+    mFileMetadata.readMeta(mStream);
     if (inputHasGridOffsets())
         readDescriptors();
     else

@@ -54,6 +54,7 @@ public:
     std::vector<std::string> names() const;
     /// A grid with its metadata and transform, without its tree.
     openvdb::GridBase::ConstPtr metadata(const std::string& name);
+    const openvdb::MetaMap& fileMetadata() const { return mFileMetadata; }
     openvdb::GridBase::Ptr read(const std::string& name);
 
 private:
@@ -67,6 +68,7 @@ private:
     openvdb::GridBase::Ptr read(const GridDescriptor& descriptor);
 
     std::string mFile;
+    openvdb::MetaMap mFileMetadata;
     openvdb::io::StreamMetadata::Ptr mMetadata; ///< the stream points to it
     InterruptibleBuffer mBuffer;
     std::istream mStream;

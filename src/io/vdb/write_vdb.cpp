@@ -33,27 +33,29 @@ public:
             openvdb::io::COMPRESS_ACTIVE_MASK |
             (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
     }
-    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Interrupter& progress) const
+    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const openvdb::MetaMap& ofFile,
+                 const Interrupter& progress) const
     {
         for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
         if (std::any_of(grids.begin(), grids.end(),
                         [](const auto& grid) { return dynamic_cast<const OfLeaves*>(&*grid); }))
-            writeWithLeaves(out, grids);
+            writeWithLeaves(out, grids, ofFile);
         else
-            Archive::write(out, grids, /*seekable=*/true, {});
+            Archive::write(out, grids, /*seekable=*/true, ofFile);
     }
 
 private:
     /// Archive::write() for grids some of which have no voxels, which it would look at; all have
     /// names and trees of their own.
-    void writeWithLeaves(std::ostream& out, const openvdb::GridCPtrVec& grids) const
+    void writeWithLeaves(std::ostream& out, const openvdb::GridCPtrVec& grids,
+                         const openvdb::MetaMap& ofFile) const
     {
         openvdb::io::StreamMetadata::Ptr ofStream(new openvdb::io::StreamMetadata);
         openvdb::io::setStreamMetadataPtr(out, ofStream, /*transfer=*/false);
         openvdb::io::setDataCompression(out, compression());
         openvdb::io::setWriteGridStatsMetadata(out, isGridStatsMetadataEnabled());
         writeHeader(out, /*seekable=*/true);
-        openvdb::MetaMap().writeMeta(out);
+        ofFile.writeMeta(out);
         const auto count = std::int32_t(grids.size());
         out.write(reinterpret_cast<const char*>(&count), sizeof count);
         for (const GridBase::ConstPtr& grid : grids) {
@@ -161,7 +163,7 @@ void identifyByContent(const fs::path& file)
 }
 
 void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids,
-                 const Interrupter& progress)
+                 const openvdb::MetaMap& ofFile, const Interrupter& progress)
 {
     InterruptibleBuffer buffer(progress);
     if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
@@ -169,7 +171,7 @@ void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids,
             fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
     std::ostream out(&buffer);
     out.exceptions(std::ios::failbit | std::ios::badbit);
-    Writer().writeTo(out, grids, progress);
+    Writer().writeTo(out, grids, ofFile, progress);
     if (!buffer.close()) out.setstate(std::ios::badbit);
 }
 
@@ -197,20 +199,33 @@ void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata,
                    const openvdb::GridCPtrVec& beside, Interrupter* interrupter)
 {
-    Interrupter& progress = orSilent(interrupter);
+    writeLevelSet(file, levelSet, metadata, beside, openvdb::MetaMap(), interrupter);
+}
+
+void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
+                   const std::map<std::string, std::string>& metadata,
+                   const openvdb::GridCPtrVec& beside, const openvdb::MetaMap& ofFile,
+                   Interrupter* interrupter)
+{
     openvdb::GridCPtrVec grids{described(levelSet, metadata)};
     grids.insert(grids.end(), beside.begin(), beside.end());
-    writeGrids(file, grids, &progress);
+    writeGrids(file, grids, ofFile, interrupter);
 }
 
 void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Interrupter* interrupter)
+{
+    writeGrids(file, grids, openvdb::MetaMap(), interrupter);
+}
+
+void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids,
+                const openvdb::MetaMap& ofFile, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
     openvdb::initialize();
     progress.beginStage("write", 1);
     writeAtomically(file, [&](const fs::path& temporary) {
         try {
-            writeStream(temporary, grids, progress);
+            writeStream(temporary, grids, ofFile, progress);
             setOldestVersion(temporary, grids);
             identifyByContent(temporary);
         } catch (const std::ios::failure& e) {
