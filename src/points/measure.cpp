@@ -2,6 +2,7 @@
 #include "chosen_neighbors.h"
 #include "core/parallel_each.h"
 #include "indexed.h"
+#include "least_squares.h"
 #include "spatial/position_order.h"
 
 #include <mpuvdb/error.h>
@@ -107,7 +108,7 @@ Residual heightResidual(const Sheet& sheet)
     const Eigen::ArrayXd u = p.row(1), v = p.row(2);
     a << Eigen::ArrayXd::Ones(count), u, v, u * u, u * v, v * v;
     const Eigen::VectorXd heights = p.row(0);
-    const Eigen::VectorXd fit = a.colPivHouseholderQr().solve(heights);
+    const Eigen::VectorXd fit = leastSquares(a, heights);
     const std::size_t freedom = std::size_t(count) - kUnknowns;
     return {sheet.radius * std::sqrt((heights - a * fit).squaredNorm() / double(freedom)), freedom};
 }
@@ -120,7 +121,7 @@ Residual normalResidual(const Sheet& sheet)
     Eigen::Matrix<double, Eigen::Dynamic, kOfLine> a(p.cols(), kOfLine);
     a << Eigen::VectorXd::Ones(p.cols()), p.row(1).transpose(), p.row(2).transpose();
     const Eigen::MatrixX3d normals = sheet.normals.transpose();
-    const Eigen::MatrixX3d fit = a.colPivHouseholderQr().solve(normals);
+    const Eigen::MatrixX3d fit = leastSquares(a, normals);
     const auto freedom = std::size_t(2 * (p.cols() - kOfLine)); // lengths do not vary
     return {std::sqrt((normals - a * fit).squaredNorm() / double(freedom)), freedom};
 }

@@ -5,6 +5,7 @@
 #include "points/chosen_neighbors.h"
 #include "points/clean/local_plane.h"
 #include "points/indexed.h"
+#include "points/least_squares.h"
 #include "spatial/spanning_neighbors.h"
 #include "winding_votes.h"
 
@@ -309,7 +310,7 @@ double explainedBySlope(const Neighborhood& n)
         across.row(i) << 1, p.dot(e1), p.dot(e2);
         heights[i] = p.dot(up);
     }
-    const Eigen::VectorXd slope = across.colPivHouseholderQr().solve(heights);
+    const Eigen::VectorXd slope = leastSquares(across, heights);
     const double all = (heights.array() - heights.mean()).matrix().squaredNorm();
     return all > 0 ? 1 - (heights - across * slope).squaredNorm() / all : 1;
 }

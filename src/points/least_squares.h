@@ -1,0 +1,12 @@
+// Linear least squares.
+#pragma once
+#include <Eigen/Core>
+
+namespace mpuvdb
+{
+
+/// The x that solves @a a x = @a b by least squares, column by column of @a b. For matrices of any
+/// size, since compiling a decomposition for each takes long.
+Eigen::MatrixXd leastSquares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+
+} // namespace mpuvdb
