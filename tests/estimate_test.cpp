@@ -167,11 +167,13 @@ TEST_F(EstimateTest, RenderForeseesItsMesh)
 TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
 {
     sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
-    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "200"});
+    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "140"});
+    // An offset inward needs hardly more than a grid of the other's size takes to be read.
+    reconstruct({"blob.ply", "-o", "larger.vdb", "--voxels", "200"});
     ASSERT_EQ(mpuvdb({"transform", "a.vdb", "-o", "b.vdb", "--translate", "0.6,0,0"}).status, 0);
     for (const Words& verb : std::vector<Words>{
              {"offset", "a.vdb", "--distance", "20vx"},
-             {"offset", "a.vdb", "--distance=-10vx"},
+             {"offset", "larger.vdb", "--distance=-10vx"},
              {"shell", "a.vdb", "--thickness", "10vx"},
              {"smooth", "a.vdb", "--width", "2"},
              {"union", "a.vdb", "b.vdb", "--blend", "15vx"},
