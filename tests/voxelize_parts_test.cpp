@@ -530,6 +530,8 @@ TEST(MeshExplained, PositionsRoundedFarFromTheOriginAreTold)
     Mesh whole = test::boxPart({0, 0, 0}, {3, 4, 5});
     whole.frame = Vec3d(432101, 5412301, 7);
     EXPECT_EQ(told(whole, 0.1), "");
+    whole.frame = Vec3d(1e7 + 1, 1e7 + 3, 1e7);
+    EXPECT_EQ(told(whole, 0.1), "");
 }
 
 // As where a file was written twice in part.

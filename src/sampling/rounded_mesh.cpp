@@ -32,7 +32,8 @@ double coarsestStep(const Mesh& mesh, int axis, double voxelSize)
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
         const double value = mesh.world(v)[axis], step = stepAt(value);
         if (double(float(value)) != value) return 0;
-        if (!(step > kMaxStep * voxelSize)) continue;
+        // Where the step is 1, whole numbers look the same.
+        if (!(step > kMaxStep * voxelSize) || step == 1) continue;
         ++coarse;
         odd += std::fmod(std::abs(value) / step, 2) == 1;
         coarsest = std::max(coarsest, step);

@@ -46,12 +46,12 @@ double volumeOf(const Corners& t, const Vec3d& from)
 }
 
 /// Orients a mesh. Copies of triangles are there where parts share faces, or were written twice by
-/// mistake: that leaves the edges about them open.
+/// mistake: that leaves the edges about them open. Faces for both sides are left to repair.
 OrientedTriangles orient(const Mesh& mesh, bool repairs, Interrupter& progress)
 {
     if (repairs) return orientTriangles(mesh, Copies::Merge, progress);
     OrientedTriangles added = orientTriangles(mesh, Copies::Add, progress);
-    if (added.isClosed() || added.copies == 0) return added;
+    if (added.isClosed() || added.copies == 0 || added.cancelled > 0) return added;
     OrientedTriangles merged = orientTriangles(mesh, Copies::Merge, progress);
     return merged.openEdges < added.openEdges ? merged : added;
 }
