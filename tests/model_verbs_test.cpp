@@ -181,6 +181,32 @@ TEST_F(ModelVerbs, MorphWritesAFileForEveryFrame)
     command({"morph", "ball.vdb", "box.vdb", "--at", "2", "-o", "x.vdb"}, 2);
 }
 
+TEST_F(ModelVerbs, MorphsMixAttributes)
+{
+    const auto colored = [&](const std::string& file, double radius, const openvdb::Vec3f& color) {
+        const LevelSet ball = solid("sphere(" + std::to_string(radius) + ")");
+        const auto colors = openvdb::Vec3SGrid::create();
+        colors->setName("Cd");
+        colors->setTransform(ball.grid().transform().copy());
+        colors->tree().topologyUnion(ball.grid().tree());
+        for (auto at = colors->beginValueOn(); at; ++at) at.setValue(color);
+        write(folder / file, ball, {colors});
+    };
+    colored("red.vdb", 1, {1, 0, 0});
+    colored("blue.vdb", 0.8, {0, 0, 1});
+    for (const char* const at : {"0", "0.25", "1"}) {
+        command({"morph", "red.vdb", "blue.vdb", "-o", "x.vdb", "--at", at});
+        const auto grids = readAttributeGrids(folder / "x.vdb", {"Cd"});
+        const auto colors = openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids[0]);
+        ASSERT_TRUE(colors && colors->activeVoxelCount() > 0);
+        const float t = std::stof(at);
+        for (auto color = colors->cbeginValueOn(); color; ++color) {
+            ASSERT_NEAR((*color)[0], 1 - t, 0.01); // of half floats and bytes
+            ASSERT_NEAR((*color)[2], t, 0.01);
+        }
+    }
+}
+
 TEST_F(ModelVerbs, AxesHaveNames)
 {
     const auto twisted = [&](const std::string& axis) {

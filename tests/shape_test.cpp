@@ -234,6 +234,25 @@ TEST(Shape, AMotionGoesToTheLeaves)
         EXPECT_EQ(step.what.find("transform"), std::string::npos) << "nothing is resampled";
 }
 
+// The bounds of a chain of warps grow with each: its result was empty, or said to have no end.
+TEST(Shape, ThereAndBackManyTimesIsTheSame)
+{
+    const auto settings = voxels(0.1);
+    const Shape ball = solid("sphere(1)");
+    const double whole = volume(evaluated(ball, settings)), tolerance = 0.01 * whole;
+    for (const int pairs : {1, 6, 8}) {
+        Shape twisted = ball, stretched = ball;
+        for (int n = 0; n < pairs; ++n) {
+            twisted = twisted.warped(makeTwist(Axis{}, 0.09), "twist")
+                          .warped(makeTwist(Axis{}, -0.09), "twist");
+            stretched = stretched.moved(Eigen::Affine3d(Eigen::Scaling(10.0, 1.0, 1.0)))
+                            .moved(Eigen::Affine3d(Eigen::Scaling(0.1, 1.0, 1.0)));
+        }
+        EXPECT_NEAR(volume(evaluated(twisted, settings)), whole, tolerance) << pairs;
+        EXPECT_NEAR(volume(evaluated(stretched, settings)), whole, tolerance) << pairs;
+    }
+}
+
 TEST(Shape, ALevelSetKeepsItsLattice)
 {
     Interrupter progress;

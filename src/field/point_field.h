@@ -92,6 +92,7 @@ public:
     explicit Source(FieldPtr field);
 
     const Field& field() const { return *mField; }
+    const FieldPtr& pointer() const { return mField; }
     const PointField* points() const { return mPoints; }
     double value(const Vec3d& p) const;
     void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;

@@ -32,6 +32,7 @@ public:
     }
     double stretch(const Box3d& /*image*/) const override { return mStretch; }
     bool keepsRatios() const { return mStretch - mLeast <= 1e-9 * mStretch; }
+    const Eigen::Affine3d& motion() const { return mMotion; }
 
 private:
     Eigen::Affine3d mMotion, mInverse;
@@ -136,6 +137,9 @@ public:
     {
     }
 
+    const FieldPtr& source() const { return mSource.pointer(); }
+    /// The motion, if it is one; else null.
+    const AffineWarp* motion() const { return dynamic_cast<const AffineWarp*>(mWarp.get()); }
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
     std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
@@ -205,10 +209,17 @@ private:
     {
         return Box3d(center - Vec3d::Constant(radius), center + Vec3d::Constant(radius));
     }
-    /// Radius of a ball that holds the inverse of a ball.
+    /// Radius of a ball that holds the inverse of a ball, or all of the source: the stretch over a
+    /// large ball may have no end, as that of a twist, which grows with the distance from its axis.
     double sourceRadius(const Vec3d& center, double radius) const
     {
-        return radius > 0 ? radius * mWarp->stretch(about(center, radius)) : 0;
+        if (!(radius > 0)) return 0;
+        const double stretched = radius * mWarp->stretch(about(center, radius));
+        const Box3d box = mSource.field().bounds();
+        const Vec3d from = mWarp->inverse(center);
+        const double whole =
+            (from - box.min()).cwiseAbs().cwiseMax((from - box.max()).cwiseAbs()).norm();
+        return stretched < whole ? stretched : whole;
     }
 
     Source mSource;
@@ -228,6 +239,11 @@ public:
     {
     }
 
+    const FieldPtr& source() const { return mField; }
+    Eigen::Affine3d motion() const
+    {
+        return Eigen::Translation3d(mTranslation) * Eigen::Affine3d(Eigen::Scaling(mScale));
+    }
     Box3d bounds() const override
     {
         const Box3d box = mField->bounds();
@@ -311,6 +327,12 @@ FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
     } else {
         throw UsageError("motion: it is not finite. Give finite numbers");
     }
+    // One motion after the other is one motion: a scale and the scale back leave distances.
+    if (const auto* const moved = dynamic_cast<const WarpedField*>(field.get());
+        moved && moved->motion())
+        return makeMovedField(moved->source(), motion * moved->motion()->motion());
+    if (const auto* const shifted = dynamic_cast<const ShiftedField*>(field.get()))
+        return makeMovedField(shifted->source(), motion * shifted->motion());
     Source source(field);
     const double scale = linear(0, 0);
     if (!source.points() && scale > 0 && linear == scale * Eigen::Matrix3d::Identity())

@@ -109,14 +109,12 @@ void sortVoxels(BlockValues& values, float background, float rounding, SignWords
 
 /// The box in which the band is searched: loosely about the field's bounds, which may be
 /// approximate, as values that are not distances may be small far from the zero set.
-Box3d reachOf(const Field& field, const Lattice& lattice)
+Box3d reachOf(const Box3d& box, double voxelSize, double background)
 {
-    /// Margin beside the diagonal, voxels. [tuned: sample_field_test]
-    constexpr double kMargin = 64;
-    const Box3d box = field.bounds();
+    constexpr double kMargin = 64; ///< beside the diagonal, voxels [tuned: sample_field_test]
     if (box.isEmpty()) return box;
-    const Vec3d loose = Vec3d::Constant(box.diagonal().norm() + kMargin * lattice.voxelSize);
-    return {box.min() - loose, box.max() + loose};
+    const double loose = box.diagonal().norm() + kMargin * voxelSize + background;
+    return {box.min() - Vec3d::Constant(loose), box.max() + Vec3d::Constant(loose)};
 }
 
 } // namespace
@@ -137,7 +135,8 @@ struct Band::Gap {
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
            Interrupter& progress, const std::optional<Zone>& zone)
     : mField(field), mLattice(lattice), mBackground(float(halfWidth * lattice.voxelSize)),
-      mMaxBytes(maxBytes), mProgress(progress), mZone(zone), mReach(reachOf(field, lattice))
+      mMaxBytes(maxBytes), mProgress(progress), mZone(zone),
+      mReach(reachOf(field.bounds(), lattice.voxelSize, mBackground))
 {
 }
 

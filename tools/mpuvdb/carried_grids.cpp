@@ -91,42 +91,144 @@ bool isMeasured(const openvdb::GridBase& grid)
     return name == "normals" || name == "curvature" || name == "thickness";
 }
 
-} // namespace
-
-openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
-                                  const WayBack& wayBack, Session& session)
+/// Attributes on what lies between two surfaces: those of both, mixed.
+class MorphedAttributes final : public SurfaceAttributes
 {
-    openvdb::GridCPtrVec grids, kept;
+public:
+    /// @param t  weight of @a to, in [0, 1]; both outlive this.
+    MorphedAttributes(const SurfaceAttributes& from, const SurfaceAttributes& to, double t)
+        : mFrom(from), mTo(to), mWeight(float(t)), mNames(from.scalarNames())
+    {
+        for (const std::string& name : to.scalarNames())
+            if (std::find(mNames.begin(), mNames.end(), name) == mNames.end())
+                mNames.push_back(name);
+    }
+
+    bool hasColors() const override { return mFrom.hasColors() || mTo.hasColors(); }
+    const std::vector<std::string>& scalarNames() const override { return mNames; }
+
+    void evaluate(const std::vector<SurfacePlace>& places,
+                  std::vector<float>& values) const override
+    {
+        values.assign(places.size() * channels(), 0);
+        std::vector<float> ofOne;
+        for (const SurfaceAttributes* const one : {&mFrom, &mTo}) {
+            one->evaluate(places, ofOne);
+            const std::vector<std::size_t> own = channelsOf(*one);
+            for (std::size_t c = 0; c < own.size(); ++c) {
+                const float weight = weightOf(own[c], one == &mTo);
+                for (std::size_t n = 0; n < places.size(); ++n)
+                    values[n * channels() + own[c]] += weight * ofOne[n * own.size() + c];
+            }
+        }
+    }
+
+private:
+    /// The channels here of those of one of the two.
+    std::vector<std::size_t> channelsOf(const SurfaceAttributes& one) const
+    {
+        std::vector<std::size_t> own;
+        if (one.hasColors()) own = {0, 1, 2};
+        for (const std::string& name : one.scalarNames())
+            own.push_back(
+                (hasColors() ? 3 : 0) +
+                std::size_t(std::find(mNames.begin(), mNames.end(), name) - mNames.begin()));
+        return own;
+    }
+    bool has(const SurfaceAttributes& one, std::size_t channel) const
+    {
+        const std::vector<std::size_t> own = channelsOf(one);
+        return std::find(own.begin(), own.end(), channel) != own.end();
+    }
+    /// What only one of the two has is that one's.
+    float weightOf(std::size_t channel, bool isTo) const
+    {
+        if (!has(isTo ? mFrom : mTo, channel)) return 1;
+        return isTo ? mWeight : 1 - mWeight;
+    }
+
+    const SurfaceAttributes &mFrom, &mTo;
+    float mWeight;
+    std::vector<std::string> mNames;
+};
+
+/// The grids beside a level set: those that go along, and the coverage.
+struct Beside {
+    openvdb::GridCPtrVec kept;
     openvdb::FloatGrid::ConstPtr coverage;
+};
+
+/// Those of @a input, without what analyze measured.
+Beside besideOf(const GridInput& input, Session& session)
+{
+    Beside beside;
     for (const openvdb::GridBase::ConstPtr& other : input.others) {
         const auto floats = openvdb::gridConstPtrCast<openvdb::FloatGrid>(other);
         if (floats && other->getName() == kCoverageName)
-            coverage = floats;
+            beside.coverage = floats;
         else if (isMeasured(*other))
             session.warn(fmt::format("its grid '{}' is of the surface as it was, and was left out: "
                                      "run mpuvdb analyze again",
                                      other->getName()));
         else
-            kept.push_back(other);
+            beside.kept.push_back(other);
     }
-    Interrupter* const progress = &session.progress();
-    const Queries solid(input.levelSet); // one for all: it keeps the surface that it extracts
-    if (coverage) {
-        const CarriedCoverage carried(solid, *coverage, wayBack, *progress);
-        if (carried.isKnown())
-            grids.push_back(sampleCoverage(made, carried, progress));
-        else
-            kept.push_back(coverage);
-    }
-    const CarriedAttributes attributes(solid, kept, wayBack, *progress);
+    return beside;
+}
+
+/// The grids of attributes for @a made, and those of @a kept that are none of them.
+openvdb::GridCPtrVec withAttributes(const LevelSet& made, const SurfaceAttributes& attributes,
+                                    const openvdb::GridCPtrVec& kept, Interrupter* progress)
+{
+    openvdb::GridCPtrVec grids;
     if (attributes.channels() > 0)
         for (const auto& grid : sampleAttributes(made, attributes, progress)) grids.push_back(grid);
-    const auto isCarried = [&](const openvdb::GridBase::ConstPtr& other) {
-        return std::any_of(grids.begin(), grids.end(),
-                           [&](const auto& grid) { return grid->getName() == other->getName(); });
-    };
-    std::copy_if(kept.begin(), kept.end(), std::back_inserter(grids),
-                 [&](const auto& other) { return !isCarried(other); });
+    std::copy_if(kept.begin(), kept.end(), std::back_inserter(grids), [&](const auto& other) {
+        return std::none_of(grids.begin(), grids.end(),
+                            [&](const auto& grid) { return grid->getName() == other->getName(); });
+    });
+    return grids;
+}
+
+/// The coverage beside @a solid for @a made; where it cannot be carried, it goes along as it is.
+openvdb::GridCPtrVec carriedCoverage(const LevelSet& made, const Queries& solid, Beside& beside,
+                                     const WayBack& wayBack, Interrupter* progress)
+{
+    if (!beside.coverage) return {};
+    const CarriedCoverage carried(solid, *beside.coverage, wayBack, *progress);
+    if (carried.isKnown()) return {sampleCoverage(made, carried, progress)};
+    beside.kept.push_back(beside.coverage);
+    return {};
+}
+
+} // namespace
+
+openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
+                                  const WayBack& wayBack, Session& session)
+{
+    Interrupter* const progress = &session.progress();
+    Beside beside = besideOf(input, session);
+    const Queries solid(input.levelSet); // one for all: it keeps the surface that it extracts
+    openvdb::GridCPtrVec grids = carriedCoverage(made, solid, beside, wayBack, progress);
+    const CarriedAttributes attributes(solid, beside.kept, wayBack, *progress);
+    for (const auto& grid : withAttributes(made, attributes, beside.kept, progress))
+        grids.push_back(grid);
+    return grids;
+}
+
+openvdb::GridCPtrVec morphedGrids(const LevelSet& made, const GridInput& from, const GridInput& to,
+                                  double t, Session& session)
+{
+    Interrupter* const progress = &session.progress();
+    Beside ofFrom = besideOf(from, session), ofTo = besideOf(to, session);
+    const Queries start(from.levelSet), end(to.levelSet);
+    openvdb::GridCPtrVec grids = t < 0.5 ? carriedCoverage(made, start, ofFrom, {}, progress)
+                                         : carriedCoverage(made, end, ofTo, {}, progress);
+    const CarriedAttributes first(start, ofFrom.kept, {}, *progress),
+        last(end, ofTo.kept, {}, *progress);
+    for (const auto& grid :
+         withAttributes(made, MorphedAttributes(first, last, t), ofFrom.kept, progress))
+        grids.push_back(grid);
     return grids;
 }
 

@@ -12,4 +12,10 @@ namespace mpuvdb::command
 openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
                                   const WayBack& wayBack, Session& session);
 
+/// The grids for @a made, a morph from one solid to another at @a t: attributes of both, mixed,
+/// what only one has as it is there; the coverage of the nearer one. Other grids of @a from go
+/// along as they are.
+openvdb::GridCPtrVec morphedGrids(const LevelSet& made, const GridInput& from, const GridInput& to,
+                                  double t, Session& session);
+
 } // namespace mpuvdb::command

@@ -76,7 +76,7 @@ public:
                                                {"mpuvdb:operation", "morph"},
                                                {"mpuvdb:at", fmt::format("{}", t)},
                                                {"mpuvdb:method", mMethod}},
-                                              carriedGrids(made, inputs.front(), {}, session),
+                                              morphedGrids(made, inputs[0], inputs[1], t, session),
                                               session, inputs.front().metadata);
         session.progress().endStage();
         session.note("time        " + session.timesText());
