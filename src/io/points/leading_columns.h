@@ -18,7 +18,7 @@ enum class Leading : std::uint8_t {
     Unclear,        ///< it may be x, or number or time the rows
     UnclearLabel,   ///< it may be x, or a label
     UnclearNormals, ///< it and the next two may be a position, or normals
-    UnclearColors   ///< or a color
+    UnclearColors   ///< it and the next two may be a position, or a color
 };
 
 /// Rows in which a column rises that numbers or times them. [derived: rows of a raster, along which
