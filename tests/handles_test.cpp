@@ -1,4 +1,5 @@
 // Handles that no data hold up are taken away, others stay.
+#include "field_fixture.h"
 #include "grid/voxel_topology.h"
 
 #include <mpuvdb/fields.h>
@@ -62,8 +63,9 @@ MeshReport surfaceOf(const Field& field)
     settings.lattice = {Vec3d(0.13, 0.21, 0.37), 1};
     Interrupter progress;
     const LevelSet levelSet = sampleField(field, settings, &progress);
-    EXPECT_TRUE(
-        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound());
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+    EXPECT_TRUE(report.sound()) << test::texts(report);
     return measure(extractMesh(levelSet, {}, &progress));
 }
 

@@ -237,6 +237,23 @@ TEST(Check, ReportsActiveTiles)
     expectOnly(*grid, "active tiles", Coord(40, 40, 40), 512);
 }
 
+TEST(Check, ReportsActiveVoxelsFarFromAnySurface)
+{
+    // A block of one value, of which the voxels inside see nothing else.
+    const Coord low(56, 56, 56);
+    auto grid = sphere();
+    for (int x = 0; x < 8; ++x)
+        for (int y = 0; y < 8; ++y)
+            for (int z = 0; z < 8; ++z)
+                grid->tree().setValue(low.offsetBy(x, y, z), 2 * kBallVoxel);
+    expectOnly(*grid, "neighbors all have their value", low.offsetBy(1), 6 * 6 * 6);
+
+    // One voxel of the background's value amid the background.
+    grid = sphere();
+    grid->tree().setValueOn(low, 3 * kBallVoxel);
+    expectOnly(*grid, "neighbors all have their value", low, 1);
+}
+
 TEST(Check, ReportsWhatIsNoDistance)
 {
     for (const float factor : {2.f, 0.5f}) {

@@ -57,7 +57,8 @@ public:
           mHalfWidth(tree.background() / float(voxelSize)),
           mMinSlope(from == ValuesFrom::Field ? kMinFieldSlope : kMinSlope),
           mRounds(from == ValuesFrom::Field ? kFieldRounds : std::numeric_limits<int>::max()),
-          mReach((int(std::ceil(mHalfWidth)) + kBlockDim - 1) / kBlockDim)
+          mFarthest(mHalfWidth + kCrossingExcess),
+          mReach((int(std::ceil(mFarthest)) + kBlockDim - 1) / kBlockDim)
     {
     }
 
@@ -276,11 +277,11 @@ private:
                     f(home + Coord(x * kBlockDim, y * kBlockDim, z * kBlockDim));
     }
 
-    /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
+    /// Distance from a voxel to the nearest crossing, voxels; mFarthest if none is nearer.
     float nearestCrossing(const Coord& at) const
     {
         const Coord home = at & ~7;
-        float best2 = mHalfWidth * mHalfWidth;
+        float best2 = mFarthest * mFarthest;
         forEachWithinReach(home, [&](const Coord& origin) {
             const Coord r = at - origin;
             if (squaredGap(r) >= best2) return;
@@ -314,9 +315,9 @@ private:
                 const float distance = active ? corrected(a, voxel) : voxel.distance;
                 const bool beyond = distance >= mHalfWidth * (1 - 1e-6f);
                 if (active ? distance == a : beyond) continue;
-                if (!beyond)
-                    access.setValueOn(voxel.at, std::copysign(distance * mVoxelSize, old));
-                else if (a < mHalfWidth - 0.5f) // else it is at the band's rim
+                if (!beyond) access.setValueOn(voxel.at, std::copysign(distance * mVoxelSize, old));
+                // At the band's rim others stay, unless nothing crosses near them.
+                else if (a < mHalfWidth - 0.5f || voxel.distance >= mFarthest)
                     access.setValueOff(voxel.at, std::copysign(mTree.background(), old));
                 else
                     continue;
@@ -401,8 +402,9 @@ private:
     openvdb::CoordBBox mAmong = openvdb::CoordBBox::inf(); ///< of the leaves that are examined
     float mVoxelSize, mHalfWidth;                          ///< world units; voxels
     float mMinSlope;                                       ///< smallest that is not examined
-    int mRounds; ///< largest number of times that changed places are examined
-    int mReach;  ///< leaves that the band reaches, around a voxel's own
+    int mRounds;     ///< largest number of times that changed places are examined
+    float mFarthest; ///< distance to crossings from which on a voxel is beyond the band, voxels
+    int mReach;      ///< leaves that this is, around a voxel's own
     std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
     /// Voxels whose distance to the nearest crossing has been found: it will not change.
     std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;

@@ -190,6 +190,10 @@ std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& 
     case Fault::Jump:
         return fmt::format("the distance changes by more than {:g} voxels from voxel to voxel",
                            kMaxStep);
+    case Fault::Flat:
+        return "active voxels whose neighbors all have their value, where a distance changes: "
+               "there "
+               "is no surface near them";
     case Fault::Steepness:
         break;
     }

@@ -222,7 +222,8 @@ private:
                      [&](int y, int z) { tallies[Fault::MissingVoxel].add(coord(x, y, z)); });
     }
 
-    /// Steps between active neighbors, and the gradient where all of them are active.
+    /// Steps between active neighbors, voxels whose neighbors all have their value, and the
+    /// gradient where all of them are active.
     [[gnu::always_inline]] void checkSteps(int x, int y, FaultTallies& tallies,
                                            SideSums& sums) const
     {
@@ -241,10 +242,14 @@ private:
                    Row(bitsOf(magnitude(valuesAt(dx, dy, dz) - at) > mLimits.step)) << 1;
         };
         Row any = 0, full = kInner;
+        // Farther than a voxel from the surface, a neighbor towards it is nearer.
+        Row flat = active & Row(bitsOf(magnitude(at) * 2 > mLimits.twiceVoxel)) << 1;
         forEachFace([&](int dx, int dy, int dz) {
             any |= steps(dx, dy, dz);
             full &= activeAt(dx, dy, dz);
+            flat &= Row(bitsOf(magnitude(valuesAt(dx, dy, dz) - at) <= mLimits.tolerance)) << 1;
         });
+        forEachBit(flat, [&](int z) { tallies[Fault::Flat].add(coord(x, y, z)); });
         forEachBit(any, [&](int z) {
             int count = 0;
             forEachFace([&](int dx, int dy, int dz) { count += int(steps(dx, dy, dz) >> z & 1); });

@@ -20,6 +20,7 @@ enum class Fault {
     MissingVoxel,
     SignChange,
     Jump,
+    Flat,
     Steepness
 };
 constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1; ///< kinds [derived: the last]
