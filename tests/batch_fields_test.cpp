@@ -96,6 +96,14 @@ TEST(BatchField, TakesABlockInOneCall)
     }
 }
 
+TEST(BatchField, FindsItsSeedsInFewCalls)
+{
+    int calls = 0;
+    const std::size_t seeds = batch(calls)->seedBlocks({Vec3d::Zero(), 0.01}).size();
+    ASSERT_GT(seeds, 2000u);
+    EXPECT_LT(calls, int(seeds / 50)) << "each call is to test hundreds of cubes";
+}
+
 TEST(BatchWarp, IsTheWarpOfSinglePoints)
 {
     const auto warp = makeWarp(sheared, shearedBox, 1.2);

@@ -142,6 +142,40 @@ TEST(Shape, WhatIsSharedIsMadeOnce)
     EXPECT_TRUE(moved.plan(voxels(0.1))[3].shared) << "what is moved together stays shared";
 }
 
+TEST(Shape, ALoopOfBooleansIsOneBoolean)
+{
+    // A solid and one more, again and again; of the same solid twice, one is left.
+    constexpr int kBalls = 20;
+    const auto settings = voxels(0.1);
+    std::vector<Shape> balls;
+    for (int n = 0; n < kBalls; ++n) balls.push_back(movedBy(solid("sphere(1)"), {0.3 * n, 0, 0}));
+    const Shape block = solid("box(4,4,4)");
+    Shape sum = balls.front(), rest = block, doubled = balls.front();
+    std::vector<Shape> cutters{block};
+    for (const Shape& ball : balls) {
+        sum = sum | ball;
+        rest = rest - ball;
+        doubled = doubled | doubled;
+        cutters.push_back(ball);
+    }
+    EXPECT_EQ(sum.plan(settings).size(), 1u + kBalls);
+    EXPECT_EQ(rest.plan(settings).size(), 2u + kBalls);
+    EXPECT_EQ((block - sum).plan(settings).size(), 2u + kBalls);
+    EXPECT_EQ(doubled.plan(settings).size(), 2u);
+    EXPECT_EQ((block - (block - sum)).plan(settings).size(), 4u + kBalls) << "no Boolean of one";
+    const auto values = [&](const Shape& shape) {
+        return test::treeBytes(evaluated(shape, settings).grid());
+    };
+    EXPECT_EQ(values(sum), values(Shape::combine(Boolean::Union, balls)));
+    EXPECT_EQ(values(rest), values(Shape::combine(Boolean::Difference, cutters)));
+    EXPECT_EQ(values(block - sum), values(rest));
+    EXPECT_EQ(values(doubled), values(balls.front()));
+    EXPECT_EQ(evaluated(rest - rest, settings).grid().activeVoxelCount(), 0u);
+    // A blend is of two solids at a time.
+    const Shape blended = Shape::combine(Boolean::Union, {balls[0] | balls[4], balls[8]}, 0.2);
+    EXPECT_EQ(blended.plan(settings).size(), 5u);
+}
+
 TEST(Shape, WithoutEndNeedsAnIntersection)
 {
     const Shape half(makeHalfSpace(Vec3d::Zero(), Vec3d(1, 1, 0)), "half-space");
@@ -218,6 +252,24 @@ TEST(Shape, TheSmallestVoxelsCanBePlanned)
     expectSound(made);
 }
 
+TEST(Shape, SolidsThinnerThanVoxelsAreTold)
+{
+    const auto notes = [](const Shape& shape, double size) {
+        Interrupter progress;
+        shape.evaluate(voxels(size), &progress);
+        return progress.notes();
+    };
+    const Shape block = solid("box(4,4,4)"), pin = solid("cylinder(0.1,8)");
+    ASSERT_EQ(notes(block - pin, 0.2).size(), 1u) << "a hole of a voxel";
+    EXPECT_NE(notes(block - pin, 0.2)[0].find("1 of 2 solids is thinner"), std::string::npos);
+    EXPECT_NE(notes(block - pin, 0.2)[0].find("cylinder"), std::string::npos);
+    EXPECT_TRUE(notes(block - pin, 0.1).empty()) << "of two voxels";
+    EXPECT_TRUE(notes(block - movedBy(pin, {9, 0, 0}), 0.2).empty()) << "it cuts nothing";
+    const Shape grid(evaluated(pin, voxels(0.1)));
+    EXPECT_TRUE(notes(block - grid, 0.1).empty());
+    EXPECT_EQ(notes(block - grid, 0.2).size(), 1u) << "resampled to larger voxels";
+}
+
 TEST(Shape, AMotionGoesToTheLeaves)
 {
     Eigen::Affine3d motion = Eigen::Translation3d(0.3, -0.1, 0.2) *
@@ -240,7 +292,7 @@ TEST(Shape, ThereAndBackManyTimesIsTheSame)
     const auto settings = voxels(0.1);
     const Shape ball = solid("sphere(1)");
     const double whole = volume(evaluated(ball, settings)), tolerance = 0.01 * whole;
-    for (const int pairs : {1, 6, 8}) {
+    for (const int pairs : {1, 6, 30}) {
         Shape twisted = ball, stretched = ball;
         for (int n = 0; n < pairs; ++n) {
             twisted = twisted.warped(makeTwist(Axis{}, 0.09), "twist")
@@ -251,6 +303,13 @@ TEST(Shape, ThereAndBackManyTimesIsTheSame)
         EXPECT_NEAR(volume(evaluated(twisted, settings)), whole, tolerance) << pairs;
         EXPECT_NEAR(volume(evaluated(stretched, settings)), whole, tolerance) << pairs;
     }
+    // Twists with a turn between, each undone, are no one warp.
+    Shape turned = ball;
+    const Eigen::Affine3d turn(Eigen::AngleAxisd(0.3, Vec3d::UnitX()));
+    for (int n = 0; n < 3; ++n) turned = turned.warped(makeTwist(Axis{}, 0.5), "twist").moved(turn);
+    for (int n = 0; n < 3; ++n)
+        turned = turned.moved(turn.inverse()).warped(makeTwist(Axis{}, -0.5), "twist");
+    EXPECT_NEAR(volume(evaluated(turned, settings)), whole, tolerance);
 }
 
 TEST(Shape, ALevelSetKeepsItsLattice)

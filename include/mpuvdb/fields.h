@@ -60,6 +60,9 @@ public:
     virtual Box3d image(const Box3d& box) const = 0;
     /// The largest factor by which the inverse stretches a length, anywhere in @a image.
     virtual double stretch(const Box3d& image) const = 0;
+    /// The warp by @a first and then by this as one warp, where they are of a kind that allows it;
+    /// else null.
+    virtual std::shared_ptr<const Warp> after(const Warp& /*first*/) const { return nullptr; }
     /// The inverse of many points.
     virtual void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const;
     /// Whether inverses() costs much less than inverse() of one point after the other.

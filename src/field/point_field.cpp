@@ -25,7 +25,7 @@ constexpr double kSteepnessFactor = 2;
 class Descent
 {
 public:
-    Descent(const Lattice& lattice, const BlockRange& range, const CubeTest& mayMeet)
+    Descent(const Lattice& lattice, const BlockRange& range, const CubesTest& mayMeet)
         : mLattice(lattice), mRange(range), mMayMeet(mayMeet)
     {
     }
@@ -35,36 +35,64 @@ public:
         const Vec3i size = mRange.high - mRange.low;
         int level = 0;
         while (size.maxCoeff() >> level > 0) ++level;
-        descend(mRange.low, level);
+        mOpen.push_back({mRange.low, level});
+        while (!mOpen.empty()) testSome();
         sortBlocks(mBlocks);
         return std::move(mBlocks);
     }
 
 private:
-    void descend(const Vec3i& low, int level)
+    /// A cube of 8^level blocks, of which @a low is the first.
+    struct Cube {
+        Vec3i low;
+        int level;
+    };
+
+    void testSome()
     {
-        if ((low.array() > mRange.high.array()).any()) return;
-        const double half = 0.5 * kBlockDim * std::ldexp(1.0, level); // voxels
-        const Vec3d corner = double(kBlockDim) * low.cast<double>() - Vec3d::Constant(0.5);
-        const Vec3d center =
-            mLattice.origin + mLattice.voxelSize * (corner + Vec3d::Constant(half));
-        if (!mMayMeet(center, kSqrt3 * half * mLattice.voxelSize)) return;
-        if (level == 0) {
+        /// Cubes tested at once: a call for each of so many costs little. [free: time]
+        constexpr std::size_t kBatch = 512;
+        const auto first = mOpen.end() - std::ptrdiff_t(std::min(kBatch, mOpen.size()));
+        mTested.assign(first, mOpen.end());
+        mOpen.erase(first, mOpen.end());
+        mBatch.centers.clear();
+        mBatch.radii.clear();
+        for (const Cube& cube : mTested) {
+            const double half = 0.5 * kBlockDim * std::ldexp(1.0, cube.level); // voxels
+            const Vec3d corner = double(kBlockDim) * cube.low.cast<double>() - Vec3d::Constant(0.5);
+            mBatch.centers.emplace_back(mLattice.origin +
+                                        mLattice.voxelSize * (corner + Vec3d::Constant(half)));
+            mBatch.radii.push_back(kSqrt3 * half * mLattice.voxelSize);
+        }
+        mMeets.assign(mTested.size(), 0);
+        mMayMeet(mBatch, mMeets);
+        for (std::size_t n = 0; n < mTested.size(); ++n)
+            if (mMeets[n]) descend(mTested[n]);
+    }
+
+    void descend(const Cube& cube)
+    {
+        if (cube.level == 0) {
             if (mBlocks.size() == kMaxBlocks)
                 throw LimitError(fmt::format("the surface meets more than {} blocks of voxels of "
                                              "size {}: use larger voxels",
                                              kMaxBlocks, mLattice.voxelSize));
-            mBlocks.push_back(low);
+            mBlocks.push_back(cube.low);
             return;
         }
-        const int step = 1 << (level - 1);
-        for (int octant = 0; octant < 8; ++octant)
-            descend(low + step * Vec3i(octant >> 2, octant >> 1 & 1, octant & 1), level - 1);
+        const int step = 1 << (cube.level - 1);
+        for (int octant = 0; octant < 8; ++octant) {
+            const Vec3i low = cube.low + step * Vec3i(octant >> 2, octant >> 1 & 1, octant & 1);
+            if ((low.array() <= mRange.high.array()).all()) mOpen.push_back({low, cube.level - 1});
+        }
     }
 
     Lattice mLattice;
     BlockRange mRange;
-    const CubeTest& mMayMeet;
+    const CubesTest& mMayMeet;
+    std::vector<Cube> mOpen, mTested;
+    CubeBatch mBatch;
+    std::vector<char> mMeets;
     std::vector<Vec3i> mBlocks;
 };
 
@@ -187,6 +215,16 @@ Box3d cubeOf(const Lattice& lattice, const Vec3i& block)
 
 std::vector<Vec3i> descendBlocks(const Lattice& lattice, const Box3d& box, const CubeTest& mayMeet)
 {
+    return descendBlocksInBatches(lattice, box,
+                                  [&](const CubeBatch& cubes, std::vector<char>& meets) {
+                                      for (std::size_t n = 0; n < meets.size(); ++n)
+                                          meets[n] = mayMeet(cubes.centers[n], cubes.radii[n]);
+                                  });
+}
+
+std::vector<Vec3i> descendBlocksInBatches(const Lattice& lattice, const Box3d& box,
+                                          const CubesTest& mayMeet)
+{
     if (box.isEmpty()) return {};
     return Descent(lattice, blocksOf(lattice, box), mayMeet).run();
 }
@@ -220,9 +258,16 @@ Box3d wholeSpace()
 
 std::vector<Vec3i> PointField::seedsWithin(const Lattice& lattice, const Box3d& box) const
 {
-    return descendBlocks(lattice, box, [&](const Vec3d& center, double radius) {
-        return !(std::abs(bound(center)) > change(center, radius));
-    });
+    const auto mayMeet = [&](const CubeBatch& cubes, std::vector<char>& meets) {
+        std::vector<double> bounds;
+        if (inBatches())
+            values(cubes.centers, bounds);
+        else
+            for (const Vec3d& center : cubes.centers) bounds.push_back(bound(center));
+        for (std::size_t n = 0; n < meets.size(); ++n)
+            meets[n] = !(std::abs(bounds[n]) > change(cubes.centers[n], cubes.radii[n]));
+    };
+    return descendBlocksInBatches(lattice, box, mayMeet);
 }
 
 std::vector<Vec3i> PointField::seedBlocks(const Lattice& lattice) const

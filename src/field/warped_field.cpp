@@ -13,9 +13,13 @@ namespace mpuvdb
 namespace
 {
 
+using WarpPtr = std::shared_ptr<const Warp>;
+
 class AffineWarp final : public Warp
 {
 public:
+    /// @throws UsageError for a motion that has no inverse or is not finite.
+    static std::shared_ptr<const AffineWarp> of(const Eigen::Affine3d& motion);
     explicit AffineWarp(const Eigen::Affine3d& motion) : mMotion(motion), mInverse(motion.inverse())
     {
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(motion.linear());
@@ -31,6 +35,11 @@ public:
         return Box3d(center - half, center + half);
     }
     double stretch(const Box3d& /*image*/) const override { return mStretch; }
+    WarpPtr after(const Warp& first) const override
+    {
+        const auto* const motion = dynamic_cast<const AffineWarp*>(&first);
+        return motion ? of(mMotion * motion->mMotion) : nullptr;
+    }
     bool keepsRatios() const { return mStretch - mLeast <= 1e-9 * mStretch; }
     const Eigen::Affine3d& motion() const { return mMotion; }
 
@@ -38,6 +47,20 @@ private:
     Eigen::Affine3d mMotion, mInverse;
     double mStretch = 1, mLeast = 1; ///< of the inverse
 };
+
+std::shared_ptr<const AffineWarp> AffineWarp::of(const Eigen::Affine3d& motion)
+{
+    /// Smallest to largest singular value of a motion with an inverse. [derived: seven digits of
+    /// the inverse are left]
+    constexpr double kMinSingularRatio = 1e-9;
+    if (!motion.matrix().allFinite())
+        throw UsageError("motion: it is not finite. Give finite numbers");
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(motion.linear());
+    if (!(svd.singularValues()[2] > kMinSingularRatio * svd.singularValues()[0]))
+        throw UsageError("motion: it has no inverse, as it flattens everything. Scale by numbers "
+                         "other than 0");
+    return std::make_shared<AffineWarp>(motion);
+}
 
 /// A set of blocks, with a fast test whether a ball of any size meets any of their cubes.
 class BlockSet
@@ -91,18 +114,25 @@ private:
     std::vector<std::unordered_set<std::uint64_t>> mLevels;
 };
 
+/// A warp of a chain.
+struct Step {
+    WarpPtr warp;
+    Box3d before; ///< bounds of what it warps
+};
+
 /// Bounds and steepness of a deformed field.
-struct Deformed {
+struct Extent {
     Box3d bounds;
     double steepness = 0;
 };
 
-/// Bounds and steepness over cubes that fill the field's bounds: smaller cubes give tighter bounds.
-Deformed measureWarp(const Source& source, const Warp& warp)
+/// The extent of @a source deformed by a chain of warps, over cubes that fill the source's bounds:
+/// smaller cubes give tighter bounds.
+Extent measured(const Source& source, const std::vector<Step>& steps)
 {
     constexpr double kCubesPerSide = 24; ///< cubes along the longest side [tuned: warp_test]
     const Box3d box = source.field().bounds();
-    Deformed result;
+    Extent result;
     if (box.isEmpty()) return result;
     const double edge = std::max(box.sizes().maxCoeff() / kCubesPerSide, 1e-300);
     const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubesPerSide).cast<int>();
@@ -112,34 +142,38 @@ Deformed measureWarp(const Source& source, const Warp& warp)
             for (int z = 0; z < count[2]; ++z) {
                 const Vec3d low = box.min() + size.cwiseProduct(Vec3d(x, y, z));
                 const Box3d cube(low, low + size);
-                const Box3d image = warp.image(cube);
+                Box3d image = cube;
+                double stretch = 1;
+                for (const Step& step : steps) {
+                    image = step.warp->image(image);
+                    stretch *= step.warp->stretch(image);
+                }
                 result.bounds.extend(image);
-                const double radius = size.norm() / 2;
                 const Vec3d center = cube.center();
-                if (!(std::abs(source.bound(center)) > source.change(center, radius)))
-                    result.steepness = std::max(result.steepness, warp.stretch(image));
+                if (!(std::abs(source.bound(center)) > source.change(center, size.norm() / 2)))
+                    result.steepness = std::max(result.steepness, stretch);
             }
     if (!(result.steepness > 0)) result.steepness = 1; // there is no zero set
     result.steepness *= source.field().steepness();
     return result;
 }
 
-/// scale * field(inverse(p)).
+/// scale * field(inverse(p)), where the inverse is that of a chain of warps.
 class WarpedField final : public PointField
 {
 public:
     /// @param scale  factor of the values; other than 1 for similarities.
-    WarpedField(Source source, std::shared_ptr<const Warp> warp, const Deformed& deformed,
-                double scale, bool isDistance)
-        : mSource(std::move(source)), mWarp(std::move(warp)), mBounds(deformed.bounds),
-          mSteepness(deformed.steepness), mScale(scale), mIsDistance(isDistance),
+    WarpedField(Source source, std::vector<Step> steps, const Extent& extent, double scale,
+                bool isDistance)
+        : mSource(std::move(source)), mSteps(std::move(steps)), mBounds(extent.bounds),
+          mSteepness(scale * extent.steepness), mScale(scale), mIsDistance(isDistance),
           mStep(isFinite(mBounds) ? kRelativeStep * mBounds.diagonal().norm() : 1e-3)
     {
     }
 
     const FieldPtr& source() const { return mSource.pointer(); }
-    /// The motion, if it is one; else null.
-    const AffineWarp* motion() const { return dynamic_cast<const AffineWarp*>(mWarp.get()); }
+    double scale() const { return mScale; }
+    const std::vector<Step>& steps() const { return mSteps; }
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
     std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
@@ -149,45 +183,47 @@ public:
     template <typename Evaluator>
     FieldSample sample(const Vec3d& p, Evaluator& source) const
     {
-        FieldSample result = source.evaluate(mWarp->inverse(p));
+        FieldSample result = source.evaluate(inverse(p));
         Eigen::Matrix3d jacobian;
         for (int axis = 0; axis < 3; ++axis) {
             const Vec3d by = mStep * Vec3d::Unit(axis);
-            jacobian.col(axis) = (mWarp->inverse(p + by) - mWarp->inverse(p - by)) / (2 * mStep);
+            jacobian.col(axis) = (inverse(p + by) - inverse(p - by)) / (2 * mStep);
         }
         result.value *= mScale;
         result.gradient = mScale * (jacobian.transpose() * result.gradient);
         return result;
     }
-    double value(const Vec3d& p) const override
-    {
-        return mScale * mSource.value(mWarp->inverse(p));
-    }
-    double bound(const Vec3d& p) const override
-    {
-        return mScale * mSource.bound(mWarp->inverse(p));
-    }
+    double value(const Vec3d& p) const override { return mScale * mSource.value(inverse(p)); }
+    double bound(const Vec3d& p) const override { return mScale * mSource.bound(inverse(p)); }
     void values(const std::vector<Vec3d>& points, std::vector<double>& values) const override
     {
-        std::vector<Vec3d> from;
-        mWarp->inverses(points, from);
+        std::vector<Vec3d> from = points, to;
+        for (auto step = mSteps.rbegin(); step != mSteps.rend(); ++step) {
+            to.swap(from);
+            step->warp->inverses(to, from);
+        }
         mSource.values(from, values);
         for (double& value : values) value *= mScale;
     }
-    bool inBatches() const override { return mWarp->inBatches() || mSource.inBatches(); }
+    bool inBatches() const override
+    {
+        return mSource.inBatches() || std::any_of(mSteps.begin(), mSteps.end(), [](const Step& s) {
+                   return s.warp->inBatches();
+               });
+    }
     double change(const Vec3d& center, double radius) const override
     {
-        return mScale * mSource.change(mWarp->inverse(center), sourceRadius(center, radius));
+        const Ball from = inverse(Ball{center, radius});
+        return mScale * mSource.change(from.center, from.radius);
     }
     bool isDistance() const override { return mIsDistance; }
     bool isDistanceFar() const override { return mIsDistance && mSource.field().isDistanceFar(); }
     double steepness() const override { return mSteepness; }
     std::size_t countData(const Box3d& box, std::size_t limit) const override
     {
-        const Vec3d center = box.center();
-        const double radius = sourceRadius(center, box.diagonal().norm() / 2);
-        if (!std::isfinite(radius)) return limit;
-        return mSource.field().countData(about(mWarp->inverse(center), radius), limit);
+        const Ball from = inverse(Ball{box.center(), box.diagonal().norm() / 2});
+        if (!std::isfinite(from.radius)) return limit;
+        return mSource.field().countData(about(from), limit);
     }
 
     /// A source that is a distance only near its zero set has seeds of its own: the blocks that
@@ -200,30 +236,48 @@ public:
                            lattice.voxelSize * mSteepness / mSource.field().steepness() / mScale};
         const BlockSet seeds(from, mSource.field().seedBlocks(from));
         return descendBlocks(lattice, box, [&](const Vec3d& center, double radius) {
-            return seeds.meets(mWarp->inverse(center), sourceRadius(center, radius));
+            const Ball from = inverse(Ball{center, radius});
+            return seeds.meets(from.center, from.radius);
         });
     }
 
 private:
-    static Box3d about(const Vec3d& center, double radius)
+    struct Ball {
+        Vec3d center;
+        double radius;
+    };
+    static Box3d about(const Ball& ball)
     {
-        return Box3d(center - Vec3d::Constant(radius), center + Vec3d::Constant(radius));
+        return Box3d(ball.center - Vec3d::Constant(ball.radius),
+                     ball.center + Vec3d::Constant(ball.radius));
     }
-    /// Radius of a ball that holds the inverse of a ball, or all of the source: the stretch over a
-    /// large ball may have no end, as that of a twist, which grows with the distance from its axis.
-    double sourceRadius(const Vec3d& center, double radius) const
+    Vec3d inverse(const Vec3d& p) const
     {
-        if (!(radius > 0)) return 0;
-        const double stretched = radius * mWarp->stretch(about(center, radius));
-        const Box3d box = mSource.field().bounds();
-        const Vec3d from = mWarp->inverse(center);
-        const double whole =
-            (from - box.min()).cwiseAbs().cwiseMax((from - box.max()).cwiseAbs()).norm();
-        return stretched < whole ? stretched : whole;
+        Vec3d from = p;
+        for (auto step = mSteps.rbegin(); step != mSteps.rend(); ++step)
+            from = step->warp->inverse(from);
+        return from;
+    }
+    /// A ball that holds the inverse of a ball, or all of the source: the stretch over a large ball
+    /// may have no end, as that of a twist, which grows with the distance from its axis.
+    Ball inverse(Ball ball) const
+    {
+        for (auto step = mSteps.rbegin(); step != mSteps.rend(); ++step) {
+            const Vec3d from = step->warp->inverse(ball.center);
+            if (ball.radius > 0) {
+                const Box3d& box = step->before;
+                const double whole =
+                    (from - box.min()).cwiseAbs().cwiseMax((from - box.max()).cwiseAbs()).norm();
+                const double stretched = ball.radius * step->warp->stretch(about(ball));
+                ball.radius = stretched < whole ? stretched : whole;
+            }
+            ball.center = from;
+        }
+        return ball;
     }
 
     Source mSource;
-    std::shared_ptr<const Warp> mWarp;
+    std::vector<Step> mSteps; ///< in the order in which they are applied
     Box3d mBounds;
     double mSteepness, mScale;
     bool mIsDistance;
@@ -310,42 +364,61 @@ private:
     Vec3d mTranslation;
 };
 
+/// @a field deformed by @a warp: no distance. A chain of warps is one field, and warps of one kind
+/// are one warp: bounds of bounds would grow with each.
+/// @param scale  factor of the values.
+FieldPtr deformed(const FieldPtr& field, const WarpPtr& warp, double scale)
+{
+    const std::vector<Step> last{{warp, field->bounds()}};
+    std::vector<Step> steps = last;
+    Extent extent = measured(Source(field), last);
+    FieldPtr origin = field;
+    if (const auto* const warped = dynamic_cast<const WarpedField*>(field.get())) {
+        steps = warped->steps();
+        if (const WarpPtr both = warp->after(*steps.back().warp))
+            steps.back().warp = both;
+        else
+            steps.push_back(last.front());
+        // Of both ways to bounds the tighter: cubes grow on their way through a long chain.
+        origin = warped->source();
+        const Extent whole = measured(Source(origin), steps);
+        extent.bounds = extent.bounds.intersection(whole.bounds);
+        extent.steepness = std::min(extent.steepness / warped->scale(), whole.steepness);
+        scale *= warped->scale();
+    }
+    if (!std::isfinite(extent.steepness))
+        throw UsageError("warp: it presses a part of the solid into a point or a line: the solid "
+                         "reaches as far as the center of a bend. Bend it less, or to the other "
+                         "side");
+    return std::make_shared<WarpedField>(Source(origin), std::move(steps), extent, scale, false);
+}
+
 } // namespace
 
 FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
 {
-    /// Smallest to largest singular value of a motion with an inverse. [derived: seven digits of
-    /// the inverse are left]
-    constexpr double kMinSingularRatio = 1e-9;
-    const Eigen::Matrix3d& linear = motion.linear();
-    const bool finite = motion.matrix().allFinite();
-    if (finite) {
-        const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear);
-        if (!(svd.singularValues()[2] > kMinSingularRatio * svd.singularValues()[0]))
-            throw UsageError("motion: it has no inverse, as it flattens everything. Scale by "
-                             "numbers other than 0");
-    } else {
-        throw UsageError("motion: it is not finite. Give finite numbers");
-    }
-    // One motion after the other is one motion: a scale and the scale back leave distances.
-    if (const auto* const moved = dynamic_cast<const WarpedField*>(field.get());
-        moved && moved->motion())
-        return makeMovedField(moved->source(), motion * moved->motion()->motion());
+    const auto warp = AffineWarp::of(motion);
     if (const auto* const shifted = dynamic_cast<const ShiftedField*>(field.get()))
         return makeMovedField(shifted->source(), motion * shifted->motion());
-    Source source(field);
-    const double scale = linear(0, 0);
-    if (!source.points() && scale > 0 && linear == scale * Eigen::Matrix3d::Identity())
-        return std::make_shared<ShiftedField>(std::move(field), scale, motion.translation());
-    const auto warp = std::make_shared<AffineWarp>(motion);
-    const bool similar = warp->keepsRatios();
     const double stretch = warp->stretch({});
-    const double valueScale = similar ? 1 / stretch : 1;
-    Deformed deformed;
-    deformed.bounds = field->bounds().isEmpty() ? Box3d() : warp->image(field->bounds());
-    deformed.steepness = valueScale * stretch * field->steepness();
-    return std::make_shared<WarpedField>(std::move(source), warp, deformed, valueScale,
-                                         similar && field->isDistance());
+    const bool similar = warp->keepsRatios();
+    const double scale = similar ? 1 / stretch : 1;
+    if (const auto* const warped = dynamic_cast<const WarpedField*>(field.get())) {
+        // One motion after the other is one motion: a scale and the scale back leave distances.
+        const auto* const first =
+            dynamic_cast<const AffineWarp*>(warped->steps().front().warp.get());
+        return first && warped->steps().size() == 1
+                   ? makeMovedField(warped->source(), motion * first->motion())
+                   : deformed(field, warp, scale);
+    }
+    Source source(field);
+    if (const double factor = motion.linear()(0, 0);
+        !source.points() && factor > 0 && motion.linear() == factor * Eigen::Matrix3d::Identity())
+        return std::make_shared<ShiftedField>(std::move(field), factor, motion.translation());
+    const Box3d box = field->bounds();
+    const Extent extent{box.isEmpty() ? Box3d() : warp->image(box), stretch * field->steepness()};
+    return std::make_shared<WarpedField>(std::move(source), std::vector<Step>{{warp, box}}, extent,
+                                         scale, similar && field->isDistance());
 }
 
 FieldPtr makeWarpedField(FieldPtr field, std::shared_ptr<const Warp> warp)
@@ -353,13 +426,7 @@ FieldPtr makeWarpedField(FieldPtr field, std::shared_ptr<const Warp> warp)
     const Box3d box = field->bounds();
     if (!box.isEmpty() && !isFinite(box))
         throw UsageError("warp: the solid has no bounds. Intersect it with a box first");
-    Source source(std::move(field));
-    const Deformed deformed = measureWarp(source, *warp);
-    if (!std::isfinite(deformed.steepness))
-        throw UsageError("warp: it presses a part of the solid into a point or a line: the solid "
-                         "reaches as far as the center of a bend. Bend it less, or to the other "
-                         "side");
-    return std::make_shared<WarpedField>(std::move(source), std::move(warp), deformed, 1, false);
+    return deformed(field, warp, 1);
 }
 
 } // namespace mpuvdb

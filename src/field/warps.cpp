@@ -37,6 +37,10 @@ public:
     }
     Frame(const Axis& axis, const char* what) : Frame(axis, anyAcross(axis.direction), what) {}
 
+    bool operator==(const Frame& other) const
+    {
+        return mOrigin == other.mOrigin && mTurn == other.mTurn;
+    }
     Vec3d local(const Vec3d& p) const { return mTurn.transpose() * (p - mOrigin); }
     Vec3d world(const Vec3d& q) const { return mOrigin + mTurn * q; }
     /// A box around @a box in these coordinates.
@@ -82,7 +86,7 @@ Box3d ball(const Vec3d& center, double radius)
 class Twist final : public Warp
 {
 public:
-    Twist(const Axis& axis, double angle) : mFrame(axis, "twist"), mAngle(angle) {}
+    Twist(const Frame& frame, double angle) : mFrame(frame), mAngle(angle) {}
 
     Vec3d inverse(const Vec3d& p) const override
     {
@@ -101,6 +105,13 @@ public:
     double stretch(const Box3d& image) const override
     {
         return stretchAt(largestRadius(mFrame.local(image)));
+    }
+    std::shared_ptr<const Warp> after(const Warp& first) const override
+    {
+        const auto* const twist = dynamic_cast<const Twist*>(&first);
+        return twist && twist->mFrame == mFrame
+                   ? std::make_shared<Twist>(mFrame, twist->mAngle + mAngle)
+                   : nullptr;
     }
 
 private:
@@ -321,7 +332,7 @@ std::shared_ptr<const Warp> makeTwist(const Axis& axis, double angle)
     if (!std::isfinite(angle))
         throw UsageError(
             fmt::format("twist: its angle per length is {}; it must be finite", angle));
-    return std::make_shared<Twist>(axis, angle);
+    return std::make_shared<Twist>(Frame(axis, "twist"), angle);
 }
 
 std::shared_ptr<const Warp> makeBend(const Axis& axis, const Vec3d& side, double curvature,

@@ -144,6 +144,66 @@ LevelSet likeGrid(const FloatGrid& model, const FloatTree::Ptr& tree)
     return LevelSet(grid);
 }
 
+/// The Boolean of many solids, as Booleans of two.
+class Fold
+{
+public:
+    /// @param model  the grid whose metadata the result has.
+    /// @param halfWidth  of the result, voxels.
+    Fold(const FloatGrid& model, double blendRadius, double halfWidth, Interrupter& progress)
+        : mModel(model), mBlendRadius(blendRadius), mHalfWidth(halfWidth), mProgress(progress)
+    {
+    }
+
+    LevelSet all(Boolean kind, const std::vector<LevelSet>& inputs) const
+    {
+        if (mBlendRadius > 0) return inOrder(kind, inputs);
+        if (kind != Boolean::Difference || inputs.size() < 3) return inPairs(kind, inputs);
+        const LevelSet cut = inPairs(Boolean::Union, {inputs.begin() + 1, inputs.end()});
+        return ofTwo(kind, inputs.front(), cut);
+    }
+
+private:
+    /// One after the other, as fillets depend on the order.
+    LevelSet inOrder(Boolean kind, const std::vector<LevelSet>& inputs) const
+    {
+        LevelSet result = inputs.front();
+        for (std::size_t n = 1; n < inputs.size(); ++n) result = ofTwo(kind, result, inputs[n]);
+        return result;
+    }
+
+    /// Two by two, then these two by two: each voxel is copied as often as the logarithm of the
+    /// number of solids says, not once for each.
+    LevelSet inPairs(Boolean kind, const std::vector<LevelSet>& inputs) const
+    {
+        std::vector<std::pair<std::size_t, LevelSet>> open; // sizes fall, with the solids in each
+        const auto joinLast = [&] {
+            const auto [size, last] = open.back();
+            open.pop_back();
+            open.back() = {open.back().first + size, ofTwo(kind, open.back().second, last)};
+        };
+        for (const LevelSet& input : inputs) {
+            open.emplace_back(1, input);
+            while (open.size() > 1 && open[open.size() - 2].first == open.back().first) joinLast();
+        }
+        while (open.size() > 1) joinLast();
+        return open.front().second;
+    }
+
+    LevelSet ofTwo(Boolean kind, const LevelSet& a, const LevelSet& b) const
+    {
+        const Pair pair(kind, a, b, mHalfWidth);
+        const FloatTree::Ptr tree = pair.sharp(mProgress);
+        if (mBlendRadius > 0) pair.fillet(*tree, mBlendRadius, mProgress);
+        mProgress.advance();
+        return likeGrid(mModel, tree);
+    }
+
+    const FloatGrid& mModel;
+    double mBlendRadius, mHalfWidth;
+    Interrupter& mProgress;
+};
+
 } // namespace
 
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
@@ -169,14 +229,8 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
         requireBallForSolids(blendRadius, voxelSize, boxOf(inputs));
     }
     progress.beginStage("combine", double(inputs.size() - 1));
-    LevelSet result = inputs.front();
-    for (std::size_t n = 1; n < inputs.size(); ++n) {
-        const Pair pair(kind, result, inputs[n], halfWidth);
-        const FloatTree::Ptr tree = pair.sharp(progress);
-        if (blendRadius > 0) pair.fillet(*tree, blendRadius, progress);
-        result = likeGrid(inputs.front().grid(), tree);
-        progress.advance();
-    }
+    const Fold fold(inputs.front().grid(), blendRadius, halfWidth, progress);
+    const LevelSet result = fold.all(kind, inputs);
     progress.endStage();
     // A part thinner than a voxel may lie between voxels: a band without an inside is empty.
     if (!hasInside(result.grid().tree()))

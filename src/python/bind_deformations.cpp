@@ -21,7 +21,8 @@ namespace
 constexpr double kRadians = M_PI / 180;
 
 #define MPUVDB_AXIS_DOC                                                                            \
-    " axis is 'x', 'y', 'z' or a vector; it passes through origin, (0, 0, 0) unless given."
+    " axis is 'x', 'y', 'z', '-x' and so on, or a vector; it passes through origin, (0, 0, 0) "    \
+    "unless given."
 
 const Vec3d kZero = Vec3d::Zero();
 
@@ -182,10 +183,10 @@ void bindWarps(ShapeClass& shapes)
             },
             "inverse"_a, "bounds"_a, "stretch"_a,
             "Deformed by a function of your own: inverse(points) gets an array (n, 3) of places "
-            "and gives back, as (n, 3), the places that they come from. The result lies within "
-            "bounds (low, high); stretch is the largest factor by which inverse stretches a "
-            "length, "
-            "anywhere in it. Called from several threads, one at a time.");
+            "and gives back, as (n, 3), the places that they come from. bounds (low, high) is a "
+            "box around the result: it does not cut, and what reaches beyond it may be lost. "
+            "stretch is the largest factor by which inverse stretches a length, anywhere in it. "
+            "Called from several threads, one at a time.");
 }
 
 } // namespace

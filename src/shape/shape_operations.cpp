@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <unordered_set>
 
 namespace mpuvdb
 {
@@ -88,6 +89,9 @@ public:
         return combineInBand(mKind, solids, mBlendRadius, own.halfWidth, progress);
     }
 
+    /// Whether it is a Boolean of that kind with no blend.
+    bool is(Boolean kind) const { return mKind == kind && !(mBlendRadius > 0); }
+
 protected:
     Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
     {
@@ -141,6 +145,29 @@ private:
     Boolean mKind;
     double mBlendRadius;
 };
+
+/// @a inputs of a Boolean without blends, with the inputs of Booleans among them that go on with
+/// the same: a solid that a loop makes of itself and one more is one Boolean of many, not as many
+/// Booleans one within the other. What is there twice counts once.
+std::vector<Node::Ptr> joined(Boolean kind, const std::vector<Node::Ptr>& inputs)
+{
+    const bool isDifference = kind == Boolean::Difference;
+    std::vector<Node::Ptr> all;
+    std::unordered_set<const Node*> seen;
+    const auto add = [&](const Node::Ptr& input) {
+        const bool isMinuend = isDifference && all.empty();
+        if (isMinuend || seen.insert(input.get()).second) all.push_back(input);
+    };
+    for (const Node::Ptr& input : inputs) {
+        const Boolean same = isDifference && !all.empty() ? Boolean::Union : kind;
+        const auto* const inner = dynamic_cast<const CombineNode*>(input.get());
+        if (inner && inner->is(same))
+            for (const Node::Ptr& one : inner->inputs()) add(one);
+        else
+            add(input);
+    }
+    return all;
+}
 
 class OffsetNode final : public Node
 {
@@ -355,7 +382,8 @@ Node::Ptr Node::warped(const std::shared_ptr<const Warp>& warp, const std::strin
 
 Node::Ptr combineNode(Boolean kind, const std::vector<Node::Ptr>& inputs, double blendRadius)
 {
-    return std::make_shared<CombineNode>(kind, inputs, blendRadius);
+    return std::make_shared<CombineNode>(kind, blendRadius > 0 ? inputs : joined(kind, inputs),
+                                         blendRadius);
 }
 
 Node::Ptr offsetNode(const Node::Ptr& input, double distance)

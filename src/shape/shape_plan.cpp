@@ -80,14 +80,15 @@ ShapePlan::ShapePlan(const Shape::Node& root, const ShapeSettings& settings) : m
 /// The task of @a node on @a lattice, with all tasks below it.
 std::size_t ShapePlan::find(const Shape::Node& node, const Lattice& lattice)
 {
-    for (std::size_t n = 0; n < mTasks.size(); ++n)
-        if (mTasks[n].node == &node && same(mTasks[n].request.lattice, lattice)) return n;
+    for (const std::size_t n : mTasksOf[&node])
+        if (same(mTasks[n].request.lattice, lattice)) return n;
     Task task;
     task.node = &node;
     task.request.lattice = lattice;
     Request any{lattice, mSettings.halfWidth, node.bounds()};
     for (std::size_t n = 0; n < node.inputs().size(); ++n)
         task.inputs.push_back(find(*node.inputs()[n], node.requestOf(n, any).lattice));
+    mTasksOf[&node].push_back(mTasks.size());
     mTasks.push_back(std::move(task));
     return mTasks.size() - 1;
 }
@@ -195,8 +196,37 @@ void ShapePlan::requireFewVoxels() const
     mpuvdb::requireFewVoxels(grids);
 }
 
+void ShapePlan::noteThinSolids(Interrupter& progress) const
+{
+    /// Thickness, voxels, below which a solid may lie between voxels. [derived: the diagonal of a
+    /// voxel, which is the diameter of the largest ball between them]
+    const double kLeastVoxels = std::sqrt(3.0);
+    std::size_t solids = 0, thin = 0;
+    double thinnest = kLeastVoxels; // voxels
+    const Shape::Node* which = nullptr;
+    for (const Task& task : mTasks) {
+        if (!task.isRequested() || !task.node->inputs().empty()) continue;
+        ++solids;
+        const double h = task.request.lattice.voxelSize;
+        const double voxels = task.node->bounds().sizes().minCoeff() / h;
+        const LevelSet* const grid = levelSetIn(*task.node);
+        const bool isAsFine = grid && grid->voxelSize() >= h * (1 - 1e-6); // shows no more detail
+        if (isAsFine || !(voxels < kLeastVoxels)) continue;
+        ++thin;
+        if (voxels >= thinnest) continue;
+        thinnest = voxels;
+        which = task.node;
+    }
+    if (which)
+        progress.note(fmt::format("{} of {} solids {} thinner than a voxel's diagonal (the "
+                                  "thinnest, {}: {:.2g} voxels) and may be lost between voxels, or "
+                                  "have another volume. Use smaller voxels",
+                                  thin, solids, thin == 1 ? "is" : "are", which->name(), thinnest));
+}
+
 LevelSet ShapePlan::evaluate(Interrupter& progress) const
 {
+    noteThinSolids(progress);
     std::vector<std::optional<LevelSet>> grids(mTasks.size());
     std::vector<std::size_t> left(mTasks.size());
     for (std::size_t n = 0; n < mTasks.size(); ++n) {

@@ -2,6 +2,8 @@
 #pragma once
 #include "shape_node.h"
 
+#include <unordered_map>
+
 namespace mpuvdb
 {
 
@@ -37,11 +39,13 @@ private:
 
     std::size_t find(const Shape::Node& node, const Lattice& lattice);
     void propagateRequests(double halfWidth);
+    void noteThinSolids(Interrupter& progress) const;
     void addSteps(std::size_t task, int depth, std::vector<bool>& seen,
                   std::vector<PlanStep>& steps) const;
 
     ShapeSettings mSettings;
     std::vector<Task> mTasks; ///< inputs before consumers; the root is the last
+    std::unordered_map<const Shape::Node*, std::vector<std::size_t>> mTasksOf;
 };
 
 } // namespace mpuvdb
