@@ -388,6 +388,7 @@ TEST_F(ModelVerbs, WhatIsMissingDoesNotHideTheRestFromCheck)
 TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
 {
     command({"smooth", "ball.vdb", "-o", "x.vdb", "--mask-grid", "density"}, 2);
+    command({"smooth", "ball.vdb", "-o", "x.vdb", "--filter", "curvature", "--width", "2"}, 2);
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "-1"}, 2);
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "0"}, 2);
     const Ended large = command({"resample", "ball.vdb", "-o", "x.vdb", "--voxel-size", "1000"}, 5);

@@ -297,6 +297,8 @@ TEST_F(SmallVerbs, EachInputMayNameItsGrid)
     const Ended both = mpuvdb({"mesh", "all.vdb:box", "-o", "x.ply", "--grid", "ball"}, 2);
     EXPECT_NE(both.err.find("names another grid"), std::string::npos) << both.err;
     mpuvdb({"mesh", "all.vdb:box", "-o", "x.ply", "--grid", "box"});
+    mpuvdb({"merge", "left:box=box.vdb", "-o", "colon.vdb"});
+    mpuvdb({"mesh", "colon.vdb:left:box", "-o", "x.ply"});
 }
 
 /// The largest distance of a contour's points from a circle, voxels.

@@ -81,7 +81,12 @@ Vec3d directionOf(const AxisArgument& argument, const char* what)
 {
     if (const auto* name = std::get_if<std::string>(&argument))
         return choose<Vec3d>(*name, what,
-                             {{"x", Vec3d::UnitX()}, {"y", Vec3d::UnitY()}, {"z", Vec3d::UnitZ()}});
+                             {{"x", Vec3d::UnitX()},
+                              {"y", Vec3d::UnitY()},
+                              {"z", Vec3d::UnitZ()},
+                              {"-x", -Vec3d::UnitX()},
+                              {"-y", -Vec3d::UnitY()},
+                              {"-z", -Vec3d::UnitZ()}});
     const Vec3d& direction = std::get<Vec3d>(argument);
     if (!direction.allFinite() || direction.isZero(0))
         throw UsageError(fmt::format("{} is {}; a direction must be finite and not zero", what,

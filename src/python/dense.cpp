@@ -140,20 +140,21 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
     const float background = bandOf(in, grid->background(), halfWidth, progress);
     grid->setTree(std::make_shared<openvdb::FloatTree>(background));
     openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
-    bool isInside = false, isWithin = false; // some values, of the solid and of the band
+    bool isInside = false, isWithin = false; // some values below 0, and some of these in the band
     forEachVoxel(
         in, progress, [](float) { return false; },
         [&](const openvdb::Coord& at, float v) {
-            isInside = isInside || v <= 0;
+            isInside = isInside || v < 0;
             if (!(std::abs(v) < background)) return;
-            isWithin = true;
+            isWithin = isWithin || v < 0;
             accessor.setValue(at, v);
         });
     if (isInside && !isWithin)
-        throw InputError(fmt::format("values: none is nearer to 0 than {:.4g}, the width of the "
-                                     "band: they are no distances. Give signed distances, world "
-                                     "units, or make a level set by isosurface()",
-                                     background));
+        throw InputError(
+            fmt::format("values: none below 0 is nearer to 0 than {:.4g}, the width "
+                        "of the band: they are no distances. Give signed distances, world "
+                        "units, or make a level set by isosurface()",
+                        background));
     openvdb::tools::signedFloodFill(grid->tree());
     openvdb::tools::pruneLevelSet(grid->tree());
     return LevelSet(grid);

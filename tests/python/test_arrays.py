@@ -279,8 +279,10 @@ class Dense(ShapeTest):
             mv.LevelSet.from_numpy(-np.ones((4, 4, 4)), (0, 0, 0), 1)
         step = np.ones((8, 8, 8))
         step[2:6, 2:6, 2:6] = -1  # as far as the band is wide: no distances
-        with self.assertRaisesRegex(mv.InputError, "no distances"):
-            mv.LevelSet.from_numpy(step, (0, 0, 0), 0.1)
+        for _ in range(2):
+            with self.assertRaisesRegex(mv.InputError, "no distances"):
+                mv.LevelSet.from_numpy(step, (0, 0, 0), 0.1)
+            step[2, 2:6, 2:6] = 0  # as numpy.sign makes them
         with self.assertRaisesRegex(mv.InputError, "finite"):
             mv.LevelSet.from_numpy(np.full((4, 4, 4), np.nan), (0, 0, 0), 1)
         with self.assertRaises(mv.UsageError):

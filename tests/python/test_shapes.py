@@ -404,7 +404,8 @@ class Motions(ShapeTest):
         self.assert_box(self.rod.rotate(90), (-0.2, 0, -0.1), (0.2, 1, 0.1))
         self.assert_box(self.rod.rotate(90, axis="y"), (-0.1, -0.2, -1), (0.1, 0.2, 0))
         self.assert_box(self.rod.rotate(180, origin=(1, 0, 0)), (1, -0.2, -0.1), (2, 0.2, 0.1))
-        self.assert_box(self.rod.rotate(-90, axis=(0, 0, -5)), (-0.2, 0, -0.1), (0.2, 1, 0.1))
+        for axis in ((0, 0, -5), "-z"):
+            self.assert_box(self.rod.rotate(-90, axis=axis), (-0.2, 0, -0.1), (0.2, 1, 0.1))
 
     def test_scale(self):
         self.assert_box(self.rod.scale(2), (0, -0.4, -0.2), (2, 0.4, 0.2))

@@ -37,13 +37,17 @@ constexpr double kLeastHalfWidth = 1.5, kHalfWidth = 3;
 
 GridPlace gridPlace(const std::string& text, const std::string& grid)
 {
-    const std::size_t colon = text.rfind(':');
+    std::size_t colon = text.find(':'); // the first one after a file: a grid's name may have some
+    const auto isFile = [](const std::string& name) {
+        return name == "-" || extensionOf(name) == ".vdb";
+    };
+    while (colon != std::string::npos && !isFile(text.substr(0, colon)))
+        colon = text.find(':', colon + 1);
     std::error_code ignored;
     if (colon == std::string::npos || colon + 1 == text.size() ||
         std::filesystem::exists(text, ignored))
         return {text, grid};
     const std::string file = text.substr(0, colon), own = text.substr(colon + 1);
-    if (file != "-" && extensionOf(file) != ".vdb") return {text, grid};
     if (!grid.empty() && grid != own)
         throw UsageError(fmt::format("--grid {}: {} names another grid. Leave one of the two names "
                                      "out",

@@ -1,6 +1,7 @@
 // mpuvdb offset, shell, smooth: the surface moved along its normals, as a wall, smoothed.
 #include "level_set_verb.h"
 
+#include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 
 #include <fmt/format.h>
@@ -112,10 +113,10 @@ protected:
         app.add_option("--iterations", mSmooth.iterations, "Number of passes, from 1 to 1000")
             ->type_name("N")
             ->capture_default_str();
-        app.add_option("--width", mSmooth.width,
-                       "Half the edge of the cube, from 1 to 32; not for curvature")
-            ->type_name("VOXELS")
-            ->capture_default_str();
+        mWidth = app.add_option("--width", mSmooth.width,
+                                "Half the edge of the cube, from 1 to 32; not for curvature")
+                     ->type_name("VOXELS")
+                     ->capture_default_str();
         CLI::Option* const mask =
             app.add_option("--mask", mMask, "A .vdb file with a grid of values from 0 to 1")
                 ->type_name("MASK.vdb");
@@ -128,13 +129,19 @@ protected:
     {
         const LevelSet& solid = inputs.front().levelSet;
         mSmooth.filter = kFilters.at(mFilter);
+        const bool hasWidth = mSmooth.filter != Filter::MeanCurvature;
+        if (!hasWidth && mWidth->count() > 0)
+            throw UsageError(
+                "--width: flow by mean curvature has none. Leave it out, and take more "
+                "--iterations for more smoothing");
         if (!mMask.empty())
             mSmooth.mask = readFloatGridFile(mMask, mMaskGrid, session.bytesLeft()).grid;
         settings()["filter"] = mFilter;
         settings()["iterations"] = mSmooth.iterations;
-        settings()["width"] = mSmooth.width;
+        if (hasWidth) settings()["width"] = mSmooth.width;
         if (mSmooth.mask) settings()["mask"] = mSmooth.mask->getName();
-        session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
+        session.note(fmt::format("filter      {}{}, {} times{}", mFilter,
+                                 hasWidth ? fmt::format(", width {} vx", mSmooth.width) : "",
                                  mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
         return Shape(solid).smooth(mSmooth).evaluate(settingsLike(solid, session),
                                                      &session.progress());
@@ -143,6 +150,7 @@ protected:
 private:
     SmoothSettings mSmooth;
     std::string mFilter = "gaussian", mMask, mMaskGrid;
+    CLI::Option* mWidth = nullptr;
 };
 
 } // namespace

@@ -99,7 +99,8 @@ void requireRows(const PointView& points, const std::string& name)
     for (const auto& [scalar, view] : points.scalars) {
         if (scalar.empty() || view.empty())
             throw UsageError(name + ": a scalar has no name, or no values. Give both");
-        require(view, "values of '" + scalar + "'");
+        // What is no attribute of the surface, as radii, is named with a blank before.
+        require(view, "values of '" + scalar.substr(scalar.front() == ' ') + "'");
     }
     if (points.positions.rows > std::numeric_limits<std::uint32_t>::max())
         throw LimitError(fmt::format("{}: {} points are more than 4294967295. Thin them, or work "
