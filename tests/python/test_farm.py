@@ -26,7 +26,7 @@ def run(*words):
 
 
 class JobTest(FolderTest):
-    options = ["--voxels", "320", "--normals", "keep"]
+    options = ["--voxels", "260", "--normals", "keep"]
 
     @classmethod
     def setUpClass(cls):
@@ -35,8 +35,9 @@ class JobTest(FolderTest):
         cls.addClassCleanup(folder.cleanup)
         cls.cloud = pathlib.Path(folder.name) / "cloud.ply"
         cls.expected = pathlib.Path(folder.name) / "whole.vdb"
-        run("sample", "difference(box(2,1.5,1), cylinder(0.4,3))", "-o", cls.cloud, "--points", "60000",
-            "--pattern", "random", "--noise", "0.05%").check_returncode()
+        # Two of its sides are just beyond the border of a tile, so that a small solid has many tiles.
+        run("sample", "translate(difference(box(2,1.5,1), cylinder(0.4,3)), 0, 0.5, 0.5)", "-o", cls.cloud,
+            "--points", "60000", "--pattern", "random", "--noise", "0.05%").check_returncode()
         run("reconstruct", cls.cloud, "-o", cls.expected, *cls.options).check_returncode()
 
     def setUp(self):
@@ -83,33 +84,33 @@ class EngineTest(JobTest):
 
     def test_too_little_memory_for_all_at_once(self):
         cloud = self.folder / "torus.ply"
-        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "1000000", "--pattern", "random")
+        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "400000", "--pattern", "random")
 
         def limited(limit):
             """Reconstructs with so much memory; what was said."""
-            ended = run("reconstruct", cloud, "-o", self.output, "--voxels", "420", "--max-memory", limit)
+            ended = run("reconstruct", cloud, "-o", self.output, "--voxels", "260", "--max-memory", limit)
             self.assertEqual(ended.returncode, 0, ended.stderr)
             return ended.stderr
 
         self.assertNotIn("out of core", limited("8G"))
         whole = self.output.read_bytes()
-        self.assertIn("out of core", limited("100M"))
+        self.assertIn("out of core", limited("80M"))
         self.assertTrue(self.output.read_bytes() == whole, "the bytes differ")
         self.assertEqual([path.name for path in self.folder.iterdir() if path.name.endswith(".job")], [])
         # A mesh needs the whole.
         self.call("reconstruct", cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
-                  "--voxels", "420", "--max-memory", "100M", status=5)
+                  "--voxels", "260", "--max-memory", "80M", status=5)
 
     def test_a_full_scratch_disk_is_said(self):
         cloud = self.folder / "torus.ply"
-        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "2000000", "--pattern", "random")
+        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "800000", "--pattern", "random")
         small = self.folder / "small"
         small.mkdir()
-        mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8M", "none", str(small)], capture_output=True)
+        mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3M", "none", str(small)], capture_output=True)
         if mounted.returncode != 0:
             self.skipTest("no file system may be mounted here")
         try:
-            self.call("plan", cloud, "--job", small / "job", "--voxels", "600", "--max-memory", "100M", status=6)
+            self.call("plan", cloud, "--job", small / "job", "--voxels", "600", "--max-memory", "80M", status=6)
             self.assertEqual(list(small.iterdir()), [])
         finally:
             subprocess.run(["umount", str(small)], check=True)
