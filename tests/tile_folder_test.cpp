@@ -170,9 +170,10 @@ TEST_F(TileFolderTest, CoarserLevelsDoNotDependOnTheTiles)
 {
     ScanSettings scan = scanSettings(30000);
     scan.noise = 0.004;
-    // A side is two voxels from the border of a small tile: the one beyond has its band alone.
+    // A side is two voxels from the border of a coarser level's small part: the one beyond has its
+    // band alone.
     const PointCloud cloud =
-        scanOf("translate(difference(box(2, 1.5, 1), cylinder(0.4, 3)), 0.26, 0, 0)", scan);
+        scanOf("translate(difference(box(2, 1.5, 1), cylinder(0.4, 3)), 1.54, 0, 0)", scan);
     const fs::path small = merged(cloud, voxelSize(0.01));
     const std::string four = bytesOf(small / "coarse_4.vdb"),
                       sixteen = bytesOf(small / "coarse_16.vdb");

@@ -33,6 +33,9 @@ constexpr int kOverlap = kBlockDim;
 /// How many voxels of the finer grid's edge are one of the coarser levels. [derived: each has a
 /// sixteenth of the voxels of the one before, and 16 are what layouts ask for]
 constexpr int kLevels[] = {4, 16};
+/// Least edge, in voxels of a coarser level, of the parts that it is made in. [derived: of smaller
+/// ones most is what lies about them, 24 voxels wide]
+constexpr int kLeastEdge = 128;
 
 constexpr const char* kIndex = "index.json";
 constexpr const char* kLayer = "volume.usda";
@@ -144,7 +147,7 @@ private:
         std::vector<std::string> faults;
         PartedGrid grid = mGrid;
         // Parts of all levels are made of as many voxels: a tile's, and those about it.
-        const int edge = mGrid.edge() / kCoarsening;
+        const int edge = std::max(mGrid.edge() / kCoarsening, kLeastEdge);
         int voxels = 1; // of the finest grid along one of the coarser
         for (const int factor : kLevels) {
             for (; voxels < factor && !grid.parts().empty(); voxels *= kCoarsening)

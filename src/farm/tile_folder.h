@@ -36,9 +36,9 @@ struct FolderContent {
 
 /// Write tiles/tile_00000.vdb and so on, coarse_4.vdb, coarse_16.vdb, volume.usda and index.json to
 /// @a folder, which appears whole or not at all; one that such a call made is replaced. Holds one
-/// tile's masks at a time, or the voxels of one tile for a coarser level. @return what check()
-/// finds in the coarser levels. @throws UsageError (the folder has other files), IoError,
-/// InputError (damaged files), Interrupted.
+/// tile's masks at a time, or the voxels of one tile, of 256 at least, for a coarser level.
+/// @return what check() finds in the coarser levels. @throws UsageError (the folder has other
+/// files), IoError, InputError (damaged files), Interrupted.
 std::vector<std::string> writeTileFolder(const std::filesystem::path& folder,
                                          const FolderContent& content, Interrupter& progress);
 
