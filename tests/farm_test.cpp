@@ -147,15 +147,19 @@ TEST_F(FarmTest, LostAndDamagedResultsAreFoundAndMadeAgain)
     runAll(folder);
     const fs::path result = folder / "tiles" / "00001.bin";
     const std::string before = bytesOf(result);
-    // A bit that turns, a file that ends early, one that is gone, and a kill before its record.
+    const auto turnBit = [](const fs::path& of) {
+        const std::string bytes = bytesOf(of);
+        std::fstream file(of, std::ios::in | std::ios::out | std::ios::binary);
+        file.seekp(std::streamoff(bytes.size() / 2));
+        file.put(char(bytes[bytes.size() / 2] ^ 4));
+    };
+    // A bit that turns, a file that ends early, one that is gone, a kill before its record, and a
+    // record that ends early.
+    const fs::path record = fs::path(result).replace_extension(".json");
     const std::vector<std::function<void()>> damages = {
-        [&] {
-            std::fstream file(result, std::ios::in | std::ios::out | std::ios::binary);
-            file.seekp(std::streamoff(before.size() / 2));
-            file.put(char(before[before.size() / 2] ^ 4));
-        },
-        [&] { fs::resize_file(result, before.size() - 10); }, [&] { fs::remove(result); },
-        [&] { fs::remove(fs::path(result).replace_extension(".json")); }};
+        [&] { turnBit(result); }, [&] { fs::resize_file(result, before.size() - 10); },
+        [&] { fs::remove(result); }, [&] { fs::remove(record); },
+        [&] { fs::resize_file(record, 5); }};
     for (const auto& damage : damages) {
         damage();
         const Job job(folder, kBuild);
@@ -165,8 +169,25 @@ TEST_F(FarmTest, LostAndDamagedResultsAreFoundAndMadeAgain)
         runAll(folder);
         EXPECT_TRUE(bytesOf(result) == before);
     }
+    // What all tiles were made from cannot be made again alone.
+    for (const char* const name : {"points.bin", "field.bin"}) {
+        turnBit(folder / name);
+        EXPECT_THROW(Job(folder, kBuild).merge(at("tiled.vdb")), InputError) << name;
+        EXPECT_FALSE(fs::exists(at("tiled.vdb")));
+        turnBit(folder / name);
+    }
     Job(folder, kBuild).merge(at("tiled.vdb"));
     EXPECT_TRUE(bytesOf(at("tiled.vdb")) == whole(cloud, options));
+}
+
+// Between tiles that no data are in, nothing says where such a solid ends.
+TEST_F(FarmTest, SolidsAllAboutThePointsAreRefused)
+{
+    PointCloud cloud = randomScan("torus(1, 0.4)", 20000);
+    for (Vec3f& normal : cloud.normals) normal = -normal;
+    const fs::path folder = plan(cloud, voxelSize(0.02));
+    runAll(folder);
+    EXPECT_THROW(Job(folder, kBuild).gather(), InputError);
 }
 
 TEST_F(FarmTest, OtherBuildsPlansAndInputsAreRefused)

@@ -68,6 +68,7 @@ void writePlan(const fs::path& folder, PreparedPoints&& points, const JobOptions
     plan.attributes = points.options.attributes;
     plan.points = fit.points().size();
     plan.parts = fit.parts();
+    plan.files = hashesOf(folder, {SpreadFit::kFiles.begin(), SpreadFit::kFiles.end()}, progress);
     plan.write(folder);
 }
 
@@ -96,6 +97,7 @@ struct Job::Impl {
     fs::path folder;
     JobPlan plan;
     std::optional<std::vector<Tile>> tiles; ///< once the fit is joined
+    FileHashes fieldHash;                   ///< the same
     /// @{ What tiles are sampled from; once one is.
     mutable std::shared_ptr<const MpuField> field;
     mutable std::unique_ptr<const Coverage> coverage;
@@ -196,7 +198,10 @@ Job::Job(const fs::path& folder, const std::string& build) : mImpl(std::make_uni
                                      "tasks have to be done by the same one",
                                      folder.string(), planned, build));
     if (!build.empty()) mImpl->plan.requireInputs();
-    mImpl->tiles = readTiles(mImpl->tilesFile(), mImpl->plan.id);
+    if (std::optional<TileList> list = readTiles(mImpl->tilesFile(), mImpl->plan.id)) {
+        mImpl->tiles = std::move(list->tiles);
+        mImpl->fieldHash = std::move(list->field);
+    }
 }
 
 Job::~Job() = default;
@@ -335,13 +340,16 @@ void Job::gather(Interrupter* interrupter)
     Interrupter& progress = orSilent(interrupter);
     mImpl->requireAll(phase(), progress);
     if (phase() == JobPhase::Sample) return;
+    requireFiles(mImpl->folder, mImpl->plan.files, progress);
     SpreadFit(mImpl->folder).join(mImpl->resultsOf(JobPhase::Fit), mImpl->fieldFile(), progress);
     progress.beginStage("tiles");
     const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
-    const std::vector<Tile> tiles =
-        tilesOf(*field, mImpl->plan.grid, mImpl->plan.options.tileVoxels, progress);
-    writeTiles(mImpl->tilesFile(), mImpl->plan.id, tiles);
-    mImpl->tiles = tiles;
+    const TileList list{
+        tilesOf(*field, mImpl->plan.grid, mImpl->plan.options.tileVoxels, progress),
+        hashesOf(mImpl->folder, {mImpl->fieldFile().filename().string()}, progress)};
+    writeTiles(mImpl->tilesFile(), mImpl->plan.id, list);
+    mImpl->tiles = list.tiles;
+    mImpl->fieldHash = list.field;
     progress.endStage();
 }
 
@@ -407,6 +415,8 @@ void Job::Impl::requireTiles(Interrupter& progress) const
         throw InputError(
             fmt::format("{}: the fit is not gathered yet: run mpuvdb gather", folder.string()));
     requireAll(JobPhase::Sample, progress);
+    requireFiles(folder, plan.files, progress);
+    requireFiles(folder, fieldHash, progress);
 }
 
 JobResult Job::merge(const fs::path& file, Interrupter* interrupter) const

@@ -1,6 +1,7 @@
 #include "job_file.h"
 
 #include "files/atomic_file.h"
+#include "files/content_hash.h"
 #include <mpuvdb/error.h>
 
 #include <fmt/format.h>
@@ -66,6 +67,24 @@ std::string hashOf(const std::string& text)
 
 } // namespace
 
+FileHashes hashesOf(const fs::path& folder, const std::vector<std::string>& names,
+                    const Interrupter& progress)
+{
+    FileHashes hashes;
+    for (const std::string& name : names)
+        if (fs::exists(folder / name)) hashes[name] = contentHash(folder / name, progress);
+    return hashes;
+}
+
+void requireFiles(const fs::path& folder, const FileHashes& hashes, const Interrupter& progress)
+{
+    for (const auto& [name, hash] : hashes)
+        if (!fs::exists(folder / name) || contentHash(folder / name, progress) != hash)
+            throw InputError(fmt::format("{}: damaged, or not there any more, so that what was "
+                                         "made from it may be wrong. Plan the job again",
+                                         (folder / name).string()));
+}
+
 void writeJson(const fs::path& file, const JobJson& json)
 {
     writeAtomically(file, [&](const fs::path& temporary) {
@@ -99,7 +118,8 @@ void JobPlan::write(const fs::path& folder)
                     {"max_bytes", grid.maxBytes},
                     {"coverage", coverage},
                     {"attributes", attributes},
-                    {"metadata", options.metadata}};
+                    {"metadata", options.metadata},
+                    {"files", files}};
     json["id"] = id = hashOf(json.dump());
     writeJson(folder / "plan.json", json);
 }
@@ -129,6 +149,7 @@ JobPlan JobPlan::read(const fs::path& folder)
         plan.grid.maxBytes = json.at("max_bytes");
         plan.coverage = json.at("coverage");
         plan.attributes = json.at("attributes").get<std::vector<std::string>>();
+        plan.files = json.at("files").get<FileHashes>();
         plan.mInputs = json.at("inputs");
         for (const JobJson& input : plan.mInputs) plan.options.inputs.push_back(input.at("path"));
         return plan;
@@ -149,7 +170,7 @@ void JobPlan::requireInputs() const
 }
 
 std::optional<TaskRecord> TaskRecord::read(const fs::path& file)
-{
+try {
     const JobJson json = readJson(file);
     if (json.is_null()) return std::nullopt;
     return withJson(file, [&] {
@@ -172,6 +193,8 @@ std::optional<TaskRecord> TaskRecord::read(const fs::path& file)
         record.explained.unsupported = explained.at("unsupported");
         return std::optional(std::move(record));
     });
+} catch (const InputError&) {
+    return std::nullopt; // damaged
 }
 
 void TaskRecord::write(const fs::path& file) const
@@ -194,29 +217,31 @@ void TaskRecord::write(const fs::path& file) const
                        {"unsupported", explained.unsupported}}}});
 }
 
-void writeTiles(const fs::path& file, const std::string& plan, const std::vector<Tile>& tiles)
+void writeTiles(const fs::path& file, const std::string& plan, const TileList& list)
 {
-    JobJson list = JobJson::array();
-    for (const Tile& tile : tiles) {
+    JobJson tiles = JobJson::array();
+    for (const Tile& tile : list.tiles) {
         const openvdb::Coord &a = tile.box.min(), &b = tile.box.max();
-        list.push_back({{"box", {a[0], a[1], a[2], b[0], b[1], b[2]}}, {"points", tile.points}});
+        tiles.push_back({{"box", {a[0], a[1], a[2], b[0], b[1], b[2]}}, {"points", tile.points}});
     }
-    writeJson(file, {{"plan", plan}, {"tiles", std::move(list)}});
+    writeJson(file, {{"plan", plan}, {"field", list.field}, {"tiles", std::move(tiles)}});
 }
 
-std::optional<std::vector<Tile>> readTiles(const fs::path& file, const std::string& plan)
+std::optional<TileList> readTiles(const fs::path& file, const std::string& plan)
 {
     const JobJson json = readJson(file);
     if (json.is_null()) return std::nullopt;
     return withJson(file, [&] {
         if (json.at("plan") != plan)
             throw InputError(fmt::format("{}: of another plan: plan the job again", file.string()));
-        std::vector<Tile> tiles;
+        TileList list;
+        list.field = json.at("field").get<FileHashes>();
         for (const JobJson& item : json.at("tiles")) {
             const auto at = item.at("box").get<std::array<int, 6>>();
-            tiles.push_back({{{at[0], at[1], at[2]}, {at[3], at[4], at[5]}}, item.at("points")});
+            list.tiles.push_back(
+                {{{at[0], at[1], at[2]}, {at[3], at[4], at[5]}}, item.at("points")});
         }
-        return std::optional(std::move(tiles));
+        return std::optional(std::move(list));
     });
 }
 

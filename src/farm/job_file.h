@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,14 @@ namespace mpuvdb
 {
 
 using JobJson = nlohmann::ordered_json;
+using FileHashes = std::map<std::string, std::string>; ///< by the files' names
+
+/// The hashes of the files @a names in @a folder, as far as they are there. @throws Interrupted.
+FileHashes hashesOf(const std::filesystem::path& folder, const std::vector<std::string>& names,
+                    const Interrupter& progress);
+/// @throws InputError unless the files in @a folder have the bytes that were written; Interrupted.
+void requireFiles(const std::filesystem::path& folder, const FileHashes& hashes,
+                  const Interrupter& progress);
 
 /// @throws IoError.
 void writeJson(const std::filesystem::path& file, const JobJson& json);
@@ -26,6 +35,7 @@ struct JobPlan {
     bool coverage = false;               ///< whether a grid of it is made, too
     std::vector<std::string> attributes; ///< of which grids are made, too
     std::uint64_t points = 0, parts = 0;
+    FileHashes files; ///< of the points, by their names in the folder
 
     static JobPlan read(const std::filesystem::path& folder);
     /// Write all that is set; sets the id.
@@ -46,16 +56,18 @@ struct TaskRecord {
     std::vector<std::string> faults; ///< of a tile's grid, as check() finds them
     PointsExplained explained;       ///< of a tile: the points in it
 
-    /// The record of @a file, if it is there and whole.
+    /// The record of @a file, if it is there and whole: without one the task is to be done again.
     static std::optional<TaskRecord> read(const std::filesystem::path& file);
     void write(const std::filesystem::path& file) const;
 };
 
-/// tiles.json: there once the fit is joined.
-void writeTiles(const std::filesystem::path& file, const std::string& plan,
-                const std::vector<Tile>& tiles);
+/// What is made once the fit is joined: tiles.json.
+struct TileList {
+    std::vector<Tile> tiles;
+    FileHashes field; ///< of the file that they are sampled from
+};
+void writeTiles(const std::filesystem::path& file, const std::string& plan, const TileList& list);
 /// Empty if there is no such file. @throws InputError (damaged, of another plan).
-std::optional<std::vector<Tile>> readTiles(const std::filesystem::path& file,
-                                           const std::string& plan);
+std::optional<TileList> readTiles(const std::filesystem::path& file, const std::string& plan);
 
 } // namespace mpuvdb

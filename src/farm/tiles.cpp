@@ -1,6 +1,7 @@
 #include "tiles.h"
 
 #include "field/near_zero.h"
+#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -36,11 +37,44 @@ bool mayMeet(const Field& field, const Vec3d& center, double edge, double band, 
     return false;
 }
 
+/// Whether @a field is inside somewhere on a face of @a box.
+bool isInsideOn(const Field& field, const Box3d& box, int axis, bool upper)
+{
+    constexpr int kPlaces = 16; ///< along each side of the face [free: time]
+    for (int i = 0; i < kPlaces; ++i)
+        for (int j = 0; j < kPlaces; ++j) {
+            Vec3d part; // of the box
+            part[axis] = upper;
+            part[(axis + 1) % 3] = (i + 0.5) / kPlaces;
+            part[(axis + 2) % 3] = (j + 0.5) / kPlaces;
+            if (field.evaluate(box.min() + part.cwiseProduct(box.sizes())).value < 0) return true;
+        }
+    return false;
+}
+
+/// @throws InputError if @a field is inside beyond all sides of the points: it would have to be
+/// ended somewhere, which no tile can know.
+void requireEnd(const MpuField& field)
+{
+    /// How far about the points' box, in its extents, the field is looked at. [derived: a quarter
+    /// of the way to where the coarse field ends]
+    constexpr double kBesidePoints = 0.05;
+    const Box3d bounds = field.bounds();
+    const Vec3d beside = Vec3d::Constant(kBesidePoints * bounds.sizes().maxCoeff());
+    const Box3d box(bounds.min() - beside, bounds.max() + beside);
+    for (int face = 0; face < 6; ++face)
+        if (!isInsideOn(field, box, face / 2, face % 2 != 0)) return;
+    throw InputError("the solid is all about the points and has no end, as their normals point "
+                     "inward, so that tiles of it do not fit together. Turn the normals round "
+                     "(with or without --flip-normals), or reconstruct it at once");
+}
+
 } // namespace
 
 std::vector<Tile> tilesOf(const MpuField& field, const SampleSettings& settings, int edge,
                           Interrupter& progress)
 {
+    requireEnd(field);
     const Lattice& lattice = settings.lattice;
     const double h = lattice.voxelSize, band = settings.halfWidth * h;
     const Box3d bounds = field.bounds();

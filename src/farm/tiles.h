@@ -18,7 +18,8 @@ struct Tile {
 };
 
 /// The tiles of edge @a edge (voxels) that the band of @a field may meet, those with most points
-/// first: the longest tasks shall not begin last. @throws Interrupted.
+/// first: the longest tasks shall not begin last. @throws Interrupted; InputError for a solid that
+/// has no end.
 std::vector<Tile> tilesOf(const MpuField& field, const SampleSettings& settings, int edge,
                           Interrupter& progress);
 

@@ -3,6 +3,7 @@
 #include "system_message.h"
 #include <mpuvdb/error.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <climits>
@@ -140,6 +141,21 @@ private:
     bool mRenamed = false;
 };
 
+/// The system's error number for writing more to @a file; 0 if that can be done.
+int errorOfMore(const fs::path& file)
+{
+    /// Bytes written: what is left of a full disk is less than a buffer. [derived: 64 KiB]
+    static const std::array<char, 1 << 16> more{};
+    const int fd = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    if (fd < 0) return 0; // it is not there any more
+    errno = ENOSPC;       // of a part
+    const bool written = ::write(fd, more.data(), more.size()) == ::ssize_t(more.size());
+    int error = written ? 0 : errno;
+    if (written && ::fsync(fd) != 0) error = errno;
+    ::close(fd);
+    return error;
+}
+
 /// The file that a name stands for: symbolic links are followed.
 fs::path resolveLinks(fs::path file)
 {
@@ -193,7 +209,20 @@ void writeAtomically(const fs::path& file, const std::function<void(const fs::pa
     const fs::path target = resolveLinks(file);
     refuseUnwritable(target);
     TemporaryFile temporary(target);
-    write(temporary.path());
+    try {
+        write(temporary.path());
+    } catch (const Interrupted&) {
+        throw;
+    } catch (const std::exception&) {
+        // Streams and libraries do not say why they failed. A full disk can be told by writing
+        // more.
+        const int error = errorOfMore(temporary.path());
+        if (error == 0) throw;
+        throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to another "
+                                  "disk",
+                                  target.string(), systemMessage(error)),
+                      error);
+    }
     temporary.flush();
     temporary.renameTo(target);
     flushFolder(target);

@@ -76,6 +76,9 @@ class EngineTest(JobTest):
             self.skipTest("no file system may be mounted here")
         try:
             self.call("tile", self.job, status=6)
+            for name in ("full.ply", "full.xyz"):  # streams do not say why they failed
+                self.call("sample", "torus(1,0.4)", "-o", small / name, "--points", "20000", status=6)
+                self.assertFalse((small / name).exists())
             left = [path.name for path in small.iterdir() if ".tmp" in path.name]
             self.assertEqual(left, [])
         finally:

@@ -24,7 +24,7 @@ const char* const kConventions =
     "(0.1%).\n"
     "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed or the input\n"
     "             not explained, 5 out of memory or voxels, 6 try again (disk\n"
-    "             full, file system failing for a moment), 130 interrupted.";
+    "             full, file system failing for a moment), 130 interrupted (143: SIGTERM).";
 
 const char* const kCommonGroup = "Options of every verb";
 

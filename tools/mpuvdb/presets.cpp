@@ -36,7 +36,10 @@ const std::vector<Preset>& presets()
         // A viewpoint so high that the view is straight down, whatever the survey's coordinates.
         {"terrain",
          "surveys seen from above (+Z): open underneath",
-         {{"--viewpoint", "0,0,1e12"}, {"--normals", "estimate"}, {"--holes", "open"}}}};
+         {{"--viewpoint", "0,0,1e12"},
+          {"--normals", "estimate"},
+          {"--holes", "open"},
+          {"--coverage", "true"}}}};
     return all;
 }
 
