@@ -12,17 +12,13 @@ if(ccache)
     list(APPEND settings -D CMAKE_CXX_COMPILER_LAUNCHER=${ccache})
 endif()
 step(${CMAKE_COMMAND} --install ${BUILD_DIR} --prefix ${WORK_DIR}/prefix)
-step(${CMAKE_COMMAND} -S ${SOURCE_DIR} -B ${WORK_DIR}/build ${settings} -D CMAKE_BUILD_TYPE=Release)
+# Without assertions, and compiled as the tests are.
+step(${CMAKE_COMMAND} -S ${SOURCE_DIR} -B ${WORK_DIR}/build ${settings} -D CMAKE_BUILD_TYPE=Release
+    "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG")
 step(${CMAKE_COMMAND} --build ${WORK_DIR}/build)
-foreach(standard 17 20)
-    execute_process(COMMAND ${WORK_DIR}/build/consumer_${standard}
-        OUTPUT_VARIABLE output_${standard} COMMAND_ERROR_IS_FATAL ANY)
-    if(NOT output_${standard} MATCHES "^[1-9][0-9]+ active voxels\n$")
-        message(FATAL_ERROR "consumer_${standard} printed: ${output_${standard}}")
-    endif()
-endforeach()
-if(NOT output_17 STREQUAL output_20)
-    message(FATAL_ERROR "C++17 and C++20 differ: ${output_17} ${output_20}")
+execute_process(COMMAND ${WORK_DIR}/build/consumer OUTPUT_VARIABLE output COMMAND_ERROR_IS_FATAL ANY)
+if(NOT output MATCHES "^[1-9][0-9]+ active voxels\n$")
+    message(FATAL_ERROR "the consumer printed: ${output}")
 endif()
 step(${WORK_DIR}/prefix/bin/mpuvdb --version)
 
