@@ -44,7 +44,7 @@ TEST(InwardSolids, AreTurnedAsAWhole)
              {"sphere(1)", "torus(1,0.3)", "box(1,1,1)", "slab(1,1,0.05)", "fandisk(1)",
               "gear(12,1,0.3)", "blob(1,8,0.05)", "difference(sphere(1),sphere(0.6))",
               "difference(box(2,2,2),translate(sphere(0.3),0.4,0,0))"}) {
-            const PointCloud cloud = scanned(solid, 20000, pattern);
+            const PointCloud cloud = scanned(solid, 10000, pattern);
             EXPECT_EQ(foundIn(cloud), 0u) << solid << int(pattern);
             EXPECT_EQ(foundInFlipped(cloud), cloud.size()) << solid << int(pattern);
         }
