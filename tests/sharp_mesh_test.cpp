@@ -407,7 +407,7 @@ TEST(ManifoldMeshes, OfCheckerboardsAndSlabsOfOneVoxel)
 
 TEST(ManifoldMeshes, OfRandomSolids)
 {
-    constexpr int kSolids = 200;
+    constexpr int kSolids = 120;
     std::size_t triangles = 0, crossings = 0, inverted = 0;
     std::mt19937_64 random(20261122);
     RecordProperty("seed", "20261122");

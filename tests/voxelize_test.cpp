@@ -202,7 +202,7 @@ TEST(Voxelize, OffsetsOfBluntRidgesAreTheirDistance)
             const Mesh mesh = torusMesh(60, 24, 2 * tube, tube);
             const LevelSet grown = offset(voxelized(mesh, 1), shift, &progress);
             const auto errors = sortedErrors(
-                grown, 80, [&](const Vec3d& p) { return distanceTo(mesh, p) - shift; });
+                grown, 240, [&](const Vec3d& p) { return distanceTo(mesh, p) - shift; });
             const auto quantile = [&](double q) {
                 return errors[std::size_t(q * double(errors.size() - 1))];
             };
