@@ -95,15 +95,15 @@ TEST_F(EstimateTest, ForeseesWhatRunsTake)
 {
     sample("torus(1,0.4)", "torus.ply", {"--points", "20000"});
     expectForeseen({"torus.ply"});
-    expectForeseen({"torus.ply", "--voxels", "250", "--mesh", "m.ply"});
-    expectForeseen({"torus.ply", "--voxels", "200", "--coverage", "--half-width", "5"});
+    expectForeseen({"torus.ply", "--voxels", "180", "--mesh", "m.ply"});
+    expectForeseen({"torus.ply", "--voxels", "160", "--coverage", "--half-width", "5"});
     expectForeseen({"torus.ply", "--voxels", "60", "--interpolate"});
-    sample("blob(1,20,0.05)", "dense.ply", {"--points", "250000"});
-    expectForeseen({"dense.ply", "--voxels", "100"});
+    sample("blob(1,20,0.05)", "dense.ply", {"--points", "120000"});
+    expectForeseen({"dense.ply", "--voxels", "70"});
     sample("blob(1,20,0.05)", "holes.ply",
            {"--points", "30000", "--holes", "3", "--hole-radius", "0.15", "--noise", "0.004"});
     expectForeseen({"holes.ply"});
-    expectForeseen({"holes.ply", "--voxels", "200"});
+    expectForeseen({"holes.ply", "--voxels", "160"});
     // Along the axes its values would repeat, and the file pack to nothing.
     sample("rotate(box(2,1.5,0.05),1,2,3,20)", "slab.ply", {"--points", "20000"});
     expectForeseen({"slab.ply", "--voxels", "200"});
@@ -114,7 +114,12 @@ TEST_F(EstimateTest, ForeseesWhatRunsOnScansTake)
     const char* const folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
     const std::string data = std::string(folder) + "/";
-    expectForeseen({data + "bunny/bun.conf"});
+    // Two of the ten scans of the bunny, together.
+    writeFile(mFolder / "two.conf", "bmesh " + data + "bunny/bun000.ply 0 0 0 0 0 0 1\nbmesh " +
+                                        data +
+                                        "bunny/bun045.ply -0.0520211 -0.000383981 -0.0109223 "
+                                        "0.00548449 -0.294635 -0.0038555 0.955586\n");
+    expectForeseen({"two.conf"});
     expectForeseen({data + "bunny/bun000.ply"});
     expectForeseen({data + "clouds/bun0.pcd"});
     expectForeseen({data + "clouds/kitten.xyz", "--voxels", "300"});
@@ -151,7 +156,7 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
 // The triangles that pictures are traced through are foreseen, and others refused.
 TEST_F(EstimateTest, RenderForeseesItsMesh)
 {
-    sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
+    sample("blob(1,20,0.05)", "blob.ply", {"--points", "40000"});
     reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "350"});
     const Ended refused =
         mpuvdb({"render", "a.vdb", "-o", "o.png", "--size", "80x60", "--max-memory", "95M"});
@@ -166,7 +171,7 @@ TEST_F(EstimateTest, RenderForeseesItsMesh)
 // Verbs say beforehand what they take: within a factor of two, beside what the program has itself.
 TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
 {
-    sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
+    sample("blob(1,20,0.05)", "blob.ply", {"--points", "40000"});
     reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "140"});
     // An offset inward needs hardly more than a grid of the other's size takes to be read.
     reconstruct({"blob.ply", "-o", "larger.vdb", "--voxels", "200"});
