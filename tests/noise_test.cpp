@@ -306,7 +306,7 @@ TEST(Noise, IsTakenOutOfTheGrid)
 TEST(Noise, LeavesThinWallsWhole)
 {
     constexpr double kNoise = 0.02;
-    constexpr std::uint64_t kSeeds = 8;
+    constexpr std::uint64_t kSeeds = 4;
     const char* const wall = "ellipsoid(1, 0.8, 0.03)";
     std::int64_t handles = 0;
     for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
@@ -356,7 +356,7 @@ TEST(Noise, LeavesLimbsAndPlatesSmooth)
                              Part{"capsule(0.1, 2.4)", 0.026}, Part{"slab(2, 2, 0.15)", 0.028}}) {
         Interrupter progress;
         const ReconstructResult made =
-            reconstruct(noisyScan(part.solid, 60000, part.noise, 0), test::Uncleaned(), &progress);
+            reconstruct(noisyScan(part.solid, 30000, part.noise, 0), test::Uncleaned(), &progress);
         EXPECT_LT(errorFrom(part.solid, made.levelSet()), 0.3 * part.noise) << part.solid;
         const CheckReport checked =
             check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
