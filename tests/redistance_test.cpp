@@ -222,7 +222,7 @@ TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
 LevelSet reconstructed(const std::string& solid, double noise, double outliers)
 {
     Interrupter progress;
-    PointCloud cloud = scanned(solid, 30000, Pattern::Random, noise, outliers);
+    PointCloud cloud = scanned(solid, 20000, Pattern::Random, noise, outliers);
     clean(cloud, {}, &progress);
     return reconstruct(std::move(cloud), test::Uncleaned(), &progress).levelSet();
 }

@@ -71,7 +71,7 @@ void expectSame(const openvdb::FloatGrid& made, const openvdb::FloatGrid& whole)
 TEST_F(TileFolderTest, TheUnionOfTheTilesIsTheWhole)
 {
     const fs::path city = merged(
-        randomScan("translate(box(1.5, 1.5, 2.8), 0.64, 0.64, 40.96)", 30000), voxelSize(0.01));
+        randomScan("translate(box(1.5, 1.5, 2.8), 0.64, 0.64, 40.96)", 12000), voxelSize(0.01));
     const Json index = indexOf(city);
     EXPECT_GE(index["tiles"].size(), 27u);
     std::vector<int> within; // of boxes in the lower and in the upper node
@@ -168,7 +168,7 @@ TEST_F(TileFolderTest, CoarserLevelsAreLevelSetsHalfAVoxelFromTheSurface)
 
 TEST_F(TileFolderTest, CoarserLevelsDoNotDependOnTheTiles)
 {
-    ScanSettings scan = scanSettings(30000);
+    ScanSettings scan = scanSettings(12000);
     scan.noise = 0.004;
     // A side is two voxels from the border of a coarser level's small part: the one beyond has its
     // band alone.
