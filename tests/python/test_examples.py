@@ -214,12 +214,12 @@ class RealScans(ScriptTest):
 
     def test_blended_busts(self):
         files = self.scan("bunny/bun_zipper.ply"), self.scan("clouds/igea.ply")
-        self.run_script("blended_busts.py", *files, voxels=60)
+        self.run_script("blended_busts.py", *files)
         self.assertGreater(self.made("busts_smooth.vdb"), self.made("busts_sharp.vdb") * 1.002)
 
     def test_head_to_head(self):
         files = self.scan("clouds/igea.ply"), self.scan("clouds/bimba_no_normals.ply")
-        self.run_script("head_to_head.py", *files, voxels=60)
+        self.run_script("head_to_head.py", *files)
         self.assert_between("heads.{:04}.vdb", 5)
 
     def test_carved_and_twisted(self):
