@@ -292,15 +292,15 @@ void runPrograms(std::uint64_t first, int count)
 
 TEST(RandomPrograms, First)
 {
-    runPrograms(0, 100);
+    runPrograms(0, 70);
 }
 TEST(RandomPrograms, Second)
 {
-    runPrograms(100, 100);
+    runPrograms(100, 70);
 }
 TEST(RandomPrograms, Third)
 {
-    runPrograms(200, 100);
+    runPrograms(200, 70);
 }
 
 } // namespace
