@@ -62,7 +62,10 @@ public:
         setrlimit(RLIMIT_AS, &limited);
 #endif
     }
-    ~MemoryLimit() { setrlimit(RLIMIT_AS, &mBefore); }
+    ~MemoryLimit()
+    {
+        setrlimit(RLIMIT_AS, &mBefore);
+    }
     MemoryLimit(const MemoryLimit&) = delete;
     MemoryLimit& operator=(const MemoryLimit&) = delete;
 
