@@ -181,7 +181,7 @@ TEST(PointsExplained, NothingIsToldOfRealScans)
         SCOPED_TRACE(name);
         const std::filesystem::path file = std::string(data) + "/" + name;
         PointCloud cloud = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
-        if (!cloud.mesh) test::thinTo(cloud, 20000);
+        if (!cloud.mesh) test::thinTo(cloud, 50000);
         const PointsExplained e = explained(std::move(cloud));
         EXPECT_TRUE(e.findings.empty()) << e.findings.front();
     }
