@@ -367,30 +367,31 @@ private:
 /// @a field deformed by @a warp: no distance. A chain of warps is one field, and warps of one kind
 /// are one warp: bounds of bounds would grow with each.
 /// @param scale  factor of the values.
-FieldPtr deformed(const FieldPtr& field, const WarpPtr& warp, double scale)
+FieldPtr deformed(FieldPtr field, WarpPtr warp, double scale)
 {
-    const std::vector<Step> last{{warp, field->bounds()}};
+    const std::vector<Step> last{{std::move(warp), field->bounds()}};
     std::vector<Step> steps = last;
     Extent extent = measured(Source(field), last);
-    FieldPtr origin = field;
     if (const auto* const warped = dynamic_cast<const WarpedField*>(field.get())) {
         steps = warped->steps();
-        if (const WarpPtr both = warp->after(*steps.back().warp))
+        if (const WarpPtr both = last.front().warp->after(*steps.back().warp))
             steps.back().warp = both;
         else
             steps.push_back(last.front());
         // Of both ways to bounds the tighter: cubes grow on their way through a long chain.
-        origin = warped->source();
+        const FieldPtr origin = warped->source();
         const Extent whole = measured(Source(origin), steps);
         extent.bounds = extent.bounds.intersection(whole.bounds);
         extent.steepness = std::min(extent.steepness / warped->scale(), whole.steepness);
         scale *= warped->scale();
+        field = origin;
     }
     if (!std::isfinite(extent.steepness))
         throw UsageError("warp: it presses a part of the solid into a point or a line: the solid "
                          "reaches as far as the center of a bend. Bend it less, or to the other "
                          "side");
-    return std::make_shared<WarpedField>(Source(origin), std::move(steps), extent, scale, false);
+    return std::make_shared<WarpedField>(Source(std::move(field)), std::move(steps), extent, scale,
+                                         false);
 }
 
 } // namespace
@@ -409,7 +410,7 @@ FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
             dynamic_cast<const AffineWarp*>(warped->steps().front().warp.get());
         return first && warped->steps().size() == 1
                    ? makeMovedField(warped->source(), motion * first->motion())
-                   : deformed(field, warp, scale);
+                   : deformed(std::move(field), warp, scale);
     }
     Source source(field);
     if (const double factor = motion.linear()(0, 0);
@@ -426,7 +427,7 @@ FieldPtr makeWarpedField(FieldPtr field, std::shared_ptr<const Warp> warp)
     const Box3d box = field->bounds();
     if (!box.isEmpty() && !isFinite(box))
         throw UsageError("warp: the solid has no bounds. Intersect it with a box first");
-    return deformed(field, warp, 1);
+    return deformed(std::move(field), std::move(warp), 1);
 }
 
 } // namespace mpuvdb
