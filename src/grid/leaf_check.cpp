@@ -242,14 +242,20 @@ private:
                    Row(bitsOf(magnitude(valuesAt(dx, dy, dz) - at) > mLimits.step)) << 1;
         };
         Row any = 0, full = kInner;
-        // Farther than a voxel from the surface, a neighbor towards it is nearer.
-        Row flat = active & Row(bitsOf(magnitude(at) * 2 > mLimits.twiceVoxel)) << 1;
+        Lanes largest{}; // steps
         forEachFace([&](int dx, int dy, int dz) {
-            any |= steps(dx, dy, dz);
+            const Lanes step = magnitude(valuesAt(dx, dy, dz) - at);
+            largest = step > largest ? step : largest;
             full &= activeAt(dx, dy, dz);
-            flat &= Row(bitsOf(magnitude(valuesAt(dx, dy, dz) - at) <= mLimits.tolerance)) << 1;
         });
+        // Farther than a voxel from the surface, a neighbor towards it is nearer.
+        const Row flat =
+            active &
+            Row(bitsOf((largest <= mLimits.tolerance) & (magnitude(at) * 2 > mLimits.twiceVoxel)))
+                << 1;
         forEachBit(flat, [&](int z) { tallies[Fault::Flat].add(coord(x, y, z)); });
+        if (bitsOf(largest > mLimits.step))
+            forEachFace([&](int dx, int dy, int dz) { any |= steps(dx, dy, dz); });
         forEachBit(any, [&](int z) {
             int count = 0;
             forEachFace([&](int dx, int dy, int dz) { count += int(steps(dx, dy, dz) >> z & 1); });
