@@ -144,11 +144,12 @@ private:
 /// The system's error number for writing more to @a file; 0 if that can be done.
 int errorOfMore(const fs::path& file)
 {
-    /// Bytes written: what is left of a full disk is less than a buffer. [derived: 64 KiB]
+    /// Bytes to write: more than streams hold back, so that a disk that was full for them is for
+    /// these. [free: the same answer]
     static const std::array<char, 1 << 16> more{};
     const int fd = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
     if (fd < 0) return 0; // it is not there any more
-    errno = ENOSPC;       // of a part
+    errno = ENOSPC;       // a write of a part sets none
     const bool written = ::write(fd, more.data(), more.size()) == ::ssize_t(more.size());
     int error = written ? 0 : errno;
     if (written && ::fsync(fd) != 0) error = errno;

@@ -192,8 +192,7 @@ std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& 
                            kMaxStep);
     case Fault::Flat:
         return "active voxels whose neighbors all have their value, where a distance changes: "
-               "there "
-               "is no surface near them";
+               "no surface is near them";
     case Fault::Steepness:
         break;
     }

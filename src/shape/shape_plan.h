@@ -45,6 +45,7 @@ private:
 
     ShapeSettings mSettings;
     std::vector<Task> mTasks; ///< inputs before consumers; the root is the last
+    /// The tasks of each node, one for each lattice.
     std::unordered_map<const Shape::Node*, std::vector<std::size_t>> mTasksOf;
 };
 
