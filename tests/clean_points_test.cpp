@@ -427,7 +427,9 @@ TEST(FlippedNormals, CapsOfAllSizesAreTurnedBack)
     } cases[] = {{"blob(1,8,0.05)", Pattern::Even, 0, 0.0005},
                  {"blob(1,8,0.05)", Pattern::Scan, 0.005, 0.001},
                  {"torus(1,0.3)", Pattern::Random, 0.003, 0.001},
-                 {"slab(1,1,0.05)", Pattern::Even, 0, 0.006},
+                 {"slab(1,1,0.05)", Pattern::Even, 0, 0.001},
+                 {"difference(cylinder(0.5,2),cylinder(0.44,3))", Pattern::Random, 0, 0.001},
+                 {"difference(sphere(1),sphere(0.93))", Pattern::Random, 0, 0.001},
                  {"fandisk(1)", Pattern::Even, 0, 0.01}};
     for (const auto& c : cases) {
         PointCloud cloud = scanned(c.solid, 30000, c.pattern, c.noise);

@@ -42,10 +42,11 @@ void flipNormals(PointCloud& cloud);
 
 /// Find normals that look to the other side than their neighbors': single ones, up to about a
 /// fifth of all, by a vote of those in the same plane; patches of a connected part where the rest
-/// disagrees all along their border, and if that leaves a choice, by what is seen of the part from
-/// outside. Rims, folds and thin parts disagree in places only, and stay; so do sheets close behind
-/// or before each other, which rightly look opposite ways, and parts that are wholly inside out.
-/// Costs about 0.13 us of processor time per point where there is nothing to find.
+/// disagrees all along their border, on thin parts too, and if that leaves a choice, by what is
+/// seen of the part from outside. Rims and folds disagree in places only, and stay; so do sheets
+/// close behind or before each other, which rightly look opposite ways, and parts that are wholly
+/// inside out. Costs about 0.13 us of processor time per point where there is nothing to find, and
+/// up to 10 where there is.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.
 std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
