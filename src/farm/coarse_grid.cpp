@@ -34,7 +34,7 @@ constexpr double kHalfWidth = 3;
 /// of a crossed cell's corners]
 constexpr double kCrossingWidth = 2;
 /// Voxels of the coarser grid about a part. [derived: a leaf, in which the band's distances end]
-constexpr int kBeside = kBlockDim;
+constexpr int kCoarseBeside = kBlockDim;
 /// Voxels of the finer grid about these. [derived: a leaf: the wider band, and its stencil]
 constexpr int kFineBeside = kBlockDim;
 /// Voxels beside a part that check() looks at. [derived: its own stencil; the cut's are farther]
@@ -152,7 +152,7 @@ std::optional<LevelSet> coarserPart(const PartedGrid& fine, const std::string& p
                                     Interrupter& progress)
 {
     CoordBBox around = own;
-    around.expand(kBeside);
+    around.expand(kCoarseBeside);
     CoordBBox box = finer(around);
     box.expand(kFineBeside);
     const std::vector<ArrayFile> files = fine.filesIn(box);

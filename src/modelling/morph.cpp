@@ -27,7 +27,7 @@ using openvdb::Coord;
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
-using Leaves = openvdb::tree::LeafManager<FloatTree>;
+using LeafManager = openvdb::tree::LeafManager<FloatTree>;
 using ConstAccess = openvdb::tree::ValueAccessor<const FloatTree>;
 
 /// @a levelSet in a band of twice @a halfWidth voxels, which is doubled.
@@ -69,7 +69,7 @@ FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, In
     const auto tree = std::make_shared<FloatTree>(a.grid().tree());
     tree->topologyUnion(b.grid().tree());
     const float background = float(halfWidth * a.voxelSize());
-    Leaves leaves(*tree);
+    LeafManager leaves(*tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
         progress.check();
         ConstAccess other(b.grid().tree());

@@ -18,7 +18,7 @@ namespace
 using openvdb::Coord;
 using openvdb::FloatGrid;
 using Leaf = FloatGrid::TreeType::LeafNodeType;
-using Leaves = openvdb::tree::LeafManager<openvdb::FloatTree>;
+using LeafManager = openvdb::tree::LeafManager<openvdb::FloatTree>;
 
 /// The number of means that make a Gaussian. [derived: as openvdb::tools::Filter::gaussian()]
 constexpr int kMeansPerGaussian = 4;
@@ -75,7 +75,7 @@ template <typename MakeFiltered>
 void mix(FloatGrid& grid, const SmoothSettings& settings, float reach, Interrupter& progress,
          MakeFiltered makeFiltered)
 {
-    Leaves leaves(grid.tree(), 1);
+    LeafManager leaves(grid.tree(), 1);
     leaves.foreach ([&](Leaf& leaf, std::size_t n) {
         Mask mask(settings.mask, grid.transform());
         auto filtered = makeFiltered();

@@ -40,6 +40,9 @@ struct Scale {
 /// World units. @throws UsageError for a unit that @a scale cannot resolve.
 double worldLength(const LengthArgument& argument, const Scale& scale);
 
+/// Where centers and origins are unless given.
+inline const Vec3d kZero = Vec3d::Zero();
+
 /// "x", "y", "z", or a vector.
 using AxisArgument = std::variant<std::string, Vec3d>;
 

@@ -21,7 +21,7 @@ Shape combine(Boolean kind, std::vector<Shape> shapes, const LengthArgument& ble
 }
 
 /// After *args pybind11 converts nothing, and would refuse whole numbers.
-LengthArgument lengthOf(const py::object& blend)
+LengthArgument blendLength(const py::object& blend)
 {
     try {
         return blend.cast<LengthArgument>();
@@ -49,7 +49,7 @@ void bindBooleans(py::module_& module)
         module.def(
             name,
             [kind](const py::args& shapes, const py::object& blend) {
-                return combine(kind, shapesOf(shapes), lengthOf(blend));
+                return combine(kind, shapesOf(shapes), blendLength(blend));
             },
             py::kw_only(), "blend"_a = 0.0, doc);
     };

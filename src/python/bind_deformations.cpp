@@ -24,8 +24,6 @@ constexpr double kRadians = M_PI / 180;
     " axis is 'x', 'y', 'z', '-x' and so on, or a vector; it passes through origin, (0, 0, 0) "    \
     "unless given."
 
-const Vec3d kZero = Vec3d::Zero();
-
 /// @a motion about @a origin.
 Eigen::Affine3d about(const Vec3d& origin, const Eigen::Matrix3d& motion)
 {

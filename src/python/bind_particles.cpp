@@ -34,7 +34,7 @@ py::dict reportOf(const ParticleReport& made)
                     "notes"_a = made.notes, "warnings"_a = made.warnings);
 }
 
-Mesh meshOf(const ParticleResult& made, Interrupter& progress)
+Mesh meshWithAttributes(const ParticleResult& made, Interrupter& progress)
 {
     Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
     for (const auto& grid : made.beside)
@@ -78,7 +78,7 @@ void bindResult(py::module_& module)
         .def(
             "to_mesh",
             [](const R& r, const py::object& progress) {
-                return run(progress, [&](Interrupter& p) { return meshOf(r, p); });
+                return run(progress, [&](Interrupter& p) { return meshWithAttributes(r, p); });
             },
             "progress"_a = py::none(),
             "The mesh of the level set, with colors and scalars." MPUVDB_PROGRESS_DOC)

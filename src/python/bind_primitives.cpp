@@ -17,8 +17,6 @@ using namespace py::literals;
 namespace
 {
 
-const Vec3d kZero = Vec3d::Zero();
-
 std::string numbers(const Vec3d& v)
 {
     return fmt::format("{},{},{}", v[0], v[1], v[2]);

@@ -21,10 +21,10 @@ namespace
 /// The sizes of the header of LAS 1.0 and 1.3, the number of point formats, and of each the size of
 /// a point and the offsets of intensity and color (0: none), bytes. [derived: LAS 1.4 R15]
 constexpr std::size_t kHeaderBytes = 227, kHeaderBytes13 = 235;
-constexpr int kFormats = 11;
-constexpr std::uint64_t kPointBytes[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
+constexpr int kPointFormats = 11;
+constexpr std::uint64_t kPointBytes[kPointFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
 constexpr std::uint64_t kIntensityOffset = 12;
-constexpr std::uint64_t kColorOffset[kFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30, 0, 30};
+constexpr std::uint64_t kColorOffset[kPointFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30, 0, 30};
 
 struct LasHeader {
     std::uint64_t offset = 0, stride = 0, points = 0;
@@ -65,7 +65,7 @@ LasHeader parseHeader(const ByteSource& source)
     const std::uint64_t size = std::min<std::uint64_t>(head.size(), header.offset);
     if (minor >= 3 && size >= kHeaderBytes13) endAt(227);
     if (minor >= 4 && size >= kLasHeaderBytes14) endAt(235);
-    if (header.format >= kFormats || header.stride < kPointBytes[header.format] ||
+    if (header.format >= kPointFormats || header.stride < kPointBytes[header.format] ||
         header.offset < kHeaderBytes)
         throw InputError(fmt::format("{}: point format {} with {} bytes per point at byte {} is no "
                                      "LAS 1.0 to 1.4. Export it again.",

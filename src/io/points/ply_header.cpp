@@ -16,7 +16,8 @@ namespace
 /// The longest header, bytes. [tuned: io_broken_test]
 constexpr std::size_t kMaxHeaderBytes = std::size_t(1) << 20;
 
-[[noreturn]] void throwBad(const ByteSource& source, std::uint64_t line, const std::string& what)
+[[noreturn]] void throwBadHeader(const ByteSource& source, std::uint64_t line,
+                                 const std::string& what)
 {
     throw InputError(fmt::format("{}: line {} of the PLY header: {}. Export the file again.",
                                  source.name(), line, what));
@@ -53,14 +54,14 @@ public:
     PlyHeader parse()
     {
         std::string_view line;
-        if (!nextLine(line) || line != "ply") throwBad(mSource, 1, "is not 'ply'");
+        if (!nextLine(line) || line != "ply") throwBadHeader(mSource, 1, "is not 'ply'");
         while (nextLine(line)) {
             LineScanner scan(line);
             const std::string_view keyword = scan.word();
             if (keyword == "end_header") return finish();
             parseLine(keyword, scan);
         }
-        throwBad(mSource, mHeader.lines, "the file ends before 'end_header'");
+        throwBadHeader(mSource, mHeader.lines, "the file ends before 'end_header'");
     }
 
 private:
@@ -88,7 +89,7 @@ private:
         else if (keyword == "obj_info" || keyword == "comment")
             parseInfo(scan);
         else if (!keyword.empty())
-            throwBad(mSource, mHeader.lines, "unknown keyword " + inQuotes(keyword));
+            throwBadHeader(mSource, mHeader.lines, "unknown keyword " + inQuotes(keyword));
     }
 
     void parseFormat(LineScanner& scan)
@@ -101,7 +102,7 @@ private:
         else if (format == "binary_big_endian")
             mHeader.format = PlyFormat::BigEndian;
         else
-            throwBad(mSource, mHeader.lines, "unknown format " + inQuotes(format));
+            throwBadHeader(mSource, mHeader.lines, "unknown format " + inQuotes(format));
         mHasFormat = true;
     }
 
@@ -111,7 +112,7 @@ private:
         element.name = scan.word();
         std::int64_t count = 0;
         if (element.name.empty() || !scan.integer(count) || count < 0)
-            throwBad(mSource, mHeader.lines, "wants 'element NAME COUNT'");
+            throwBadHeader(mSource, mHeader.lines, "wants 'element NAME COUNT'");
         element.count = std::uint64_t(count);
         mHeader.elements.push_back(std::move(element));
     }
@@ -119,17 +120,17 @@ private:
     void parseProperty(LineScanner& scan)
     {
         if (mHeader.elements.empty())
-            throwBad(mSource, mHeader.lines, "a property stands before the first element");
+            throwBadHeader(mSource, mHeader.lines, "a property stands before the first element");
         PlyProperty property;
         std::string_view type = scan.word();
         property.isList = type == "list";
         if (property.isList) {
             if (!parseType(scan.word(), property.countType) || isFloat(property.countType))
-                throwBad(mSource, mHeader.lines, "a list's length has an unknown type");
+                throwBadHeader(mSource, mHeader.lines, "a list's length has an unknown type");
             type = scan.word();
         }
         if (!parseType(type, property.type))
-            throwBad(mSource, mHeader.lines, "unknown type " + inQuotes(type));
+            throwBadHeader(mSource, mHeader.lines, "unknown type " + inQuotes(type));
         property.name = scan.word();
         mHeader.elements.back().properties.push_back(std::move(property));
     }
@@ -144,7 +145,7 @@ private:
 
     PlyHeader finish()
     {
-        if (!mHasFormat) throwBad(mSource, mHeader.lines, "there was no 'format' line");
+        if (!mHasFormat) throwBadHeader(mSource, mHeader.lines, "there was no 'format' line");
         mHeader.dataOffset = mAt;
         return std::move(mHeader);
     }
