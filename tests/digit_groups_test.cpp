@@ -20,7 +20,7 @@ std::string grouped(long value, const std::string& mark)
 }
 
 /// Points of a ball in whole numbers, @a step apart from the next in their order.
-std::vector<std::array<long, 3>> ball(double radius, double middle, int step = 67)
+std::vector<std::array<long, 3>> wholeBall(double radius, double middle, int step = 67)
 {
     std::vector<std::array<long, 3>> points;
     for (int n = 0; n < 300; ++n) {
@@ -33,9 +33,9 @@ std::vector<std::array<long, 3>> ball(double radius, double middle, int step = 6
     return points;
 }
 
-using Points = std::vector<std::array<long, 3>>;
+using WholePoints = std::vector<std::array<long, 3>>;
 
-std::string rows(const Points& points, const std::string& separator, const std::string& mark,
+std::string rows(const WholePoints& points, const std::string& separator, const std::string& mark,
                  const std::string& behind = "")
 {
     std::string text;
@@ -48,7 +48,7 @@ std::string rows(const Points& points, const std::string& separator, const std::
 class DigitGroups : public IoTest
 {
 protected:
-    void expectRead(const std::string& text, const Points& points, const std::string& note,
+    void expectRead(const std::string& text, const WholePoints& points, const std::string& note,
                     const Vec3d& more = Vec3d::Zero(), const std::string& name = "a.csv")
     {
         SCOPED_TRACE(text.substr(0, 60));
@@ -82,7 +82,8 @@ protected:
 
 TEST_F(DigitGroups, OfDotsAreTakenOut)
 {
-    const Points points = ball(900, 1000), far = ball(5e5, 4e6), both = ball(30000, 0);
+    const WholePoints points = wholeBall(900, 1000), far = wholeBall(5e5, 4e6),
+                      both = wholeBall(30000, 0);
     for (const char* separator : {";", "\t", " ", "; "}) {
         expectRead(rows(points, separator, "."), points, "dots group");
         expectRead(rows(far, separator, "."), far, "dots group"); // 4.123.456
@@ -109,9 +110,9 @@ TEST_F(DigitGroups, OfDotsAreTakenOut)
         expectRead(rows(points, concat(".25", separator), ",", ".25"), points, "commas group",
                    Vec3d(0.25, 0.25, 0.25));
     // Sorted, so that the first thousand rows have dots only, or none.
-    Points sorted;
+    WholePoints sorted;
     for (int i = 0; i < 40; ++i)
-        for (const auto& p : ball(30, 3000 - 70 * i)) sorted.push_back(p);
+        for (const auto& p : wholeBall(30, 3000 - 70 * i)) sorted.push_back(p);
     expectRead(rows(sorted, ";", "."), sorted, "dots group");
     std::reverse(sorted.begin(), sorted.end());
     expectRead(rows(sorted, ";", "."), sorted, "dots group");
@@ -119,7 +120,8 @@ TEST_F(DigitGroups, OfDotsAreTakenOut)
 
 TEST_F(DigitGroups, OfBlanksAreTakenOutWithinColumns)
 {
-    const Points points = ball(900, 1000), far = ball(5e5, 4e6), large = ball(900, 2000);
+    const WholePoints points = wholeBall(900, 1000), far = wholeBall(5e5, 4e6),
+                      large = wholeBall(900, 2000);
     for (const char* separator : {";", "\t", "; ", " ; "}) {
         expectRead(rows(points, separator, " "), points, "blanks group");
         expectRead(rows(far, separator, " "), far, "blanks group");
@@ -141,7 +143,7 @@ TEST_F(DigitGroups, OfBlanksAreTakenOutWithinColumns)
 // Apostrophes, and blanks that do not break a line, separate nothing else.
 TEST_F(DigitGroups, OfOtherMarksAreTakenOut)
 {
-    const Points points = ball(900, 1000), far = ball(5e5, -4e6);
+    const WholePoints points = wholeBall(900, 1000), far = wholeBall(5e5, -4e6);
     for (const char* mark :
          {"'", "\xe2\x80\x99", "\xc2\xa0", "\xe2\x80\xaf", "\xe2\x80\x89", "\xa0"})
         for (const char* separator : {";", " ", ",", "\t"}) {
@@ -158,19 +160,19 @@ TEST_F(DigitGroups, OfOtherMarksAreTakenOut)
 
 TEST_F(DigitGroups, ThatMayBeSomethingElseAreRefused)
 {
-    Points few = ball(900, 1000);
+    WholePoints few = wholeBall(900, 1000);
     few.resize(25);
     expectRefused(rows(few, ";", "."));
     expectRefused("1 908;1 922;2 900\n1 964;1 982;2 899\n");
     expectRefused("1 908\t1 922\t2 900\n");
     // Blanks that both group digits and separate numbers.
-    const Points large = ball(900, 2000), near = ball(90, 5500);
+    const WholePoints large = wholeBall(900, 2000), near = wholeBall(90, 5500);
     for (const char* decimals : {"", ",25", ".25"})
         expectRefused(rows(large, std::string(decimals) + " ", " ", decimals));
     for (const char* decimals : {",25", ".25"})
         expectRefused(rows(near, std::string(decimals) + " ", " ", decimals));
     // Numbers that have decimal points after all.
-    const Points points = ball(900, 1000);
+    const WholePoints points = wholeBall(900, 1000);
     std::string late;
     for (int i = 0; i < 20; ++i) late += rows(points, ";", ".");
     expectRefused(late + "1.5;2.25;900\n");
@@ -182,7 +184,7 @@ TEST_F(DigitGroups, DecimalPointsAndBlanksStayWhatTheyAre)
     const auto decimals = [](const char* format, const char* separator, double scale, double from,
                              const std::string& behind) {
         std::string text;
-        for (const auto& p : ball(scale, from)) {
+        for (const auto& p : wholeBall(scale, from)) {
             char row[200];
             std::snprintf(row, sizeof row, format, 1e-3 * double(p[0]), separator,
                           1e-3 * double(p[1]), separator, 1e-3 * double(p[2]));
@@ -192,7 +194,7 @@ TEST_F(DigitGroups, DecimalPointsAndBlanksStayWhatTheyAre)
     };
     const std::string fixed = "%.3f%s%.3f%s%.3f", shortest = "%g%s%g%s%g";
     const auto first = [](double scale, double from) -> Vec3d {
-        const auto p = ball(scale, from)[0];
+        const auto p = wholeBall(scale, from)[0];
         return 1e-3 * Vec3d(double(p[0]), double(p[1]), double(p[2]));
     };
     for (const char* separator : {";", " ", "\t", ","})
@@ -219,7 +221,7 @@ TEST_F(DigitGroups, DecimalPointsAndBlanksStayWhatTheyAre)
 TEST_F(DigitGroups, AreFoundWhereTheyComeLate)
 {
     const std::string blanks(500, ' '); // more than is read at once
-    const Points points = ball(900, 1000);
+    const WholePoints points = wholeBall(900, 1000);
     for (const char* mark : {".", " ", "'"}) {
         std::string text;
         for (int i = 0; i < 20000; ++i)
