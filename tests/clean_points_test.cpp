@@ -510,5 +510,26 @@ TEST(FlippedNormals, ThreeFacesOfACube)
     EXPECT_LT(inward, 90u);
 }
 
+/// Walls are told of that so few points, or such noise, cannot hold apart, and no others.
+TEST(Clean, WallsTooThinForThePointsAreSaid)
+{
+    constexpr double kPoints = 4000;
+    const double spacing = std::sqrt(2 / kPoints); // of both sides of a plate of 1 x 1
+    const struct {
+        double spacings, noise; // of the wall; standard deviation in spacings
+        bool bare, isSaid;
+    } cases[] = {{1.2, 0, false, true}, {3, 0, false, false},   {3, 0.5, false, false},
+                 {3, 0.5, true, true},  {3, 0.05, true, false}, {12, 0.5, true, false}};
+    for (const auto& c : cases) {
+        PointCloud cloud = scanned(fmt::format("slab(1,1,{})", c.spacings * spacing),
+                                   std::uint64_t(kPoints), Pattern::Random, c.noise * spacing);
+        cloud.seenFrom.clear();
+        if (c.bare) cloud.normals.clear();
+        Interrupter progress;
+        EXPECT_EQ(!clean(cloud, {}, &progress).tooThin().empty(), c.isSaid)
+            << c.spacings << ' ' << c.noise << ' ' << c.bare << " seed " << kSeed;
+    }
+}
+
 } // namespace
 } // namespace mpuvdb

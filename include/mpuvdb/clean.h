@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 namespace mpuvdb
 {
@@ -43,6 +44,9 @@ struct CleanReport {
         constexpr double kMaxOnLines = 0.05;
         return onLines > kMaxOnLines;
     }
+    /// A warning where so much is so thin, for the points' spacing or the noise of points without
+    /// normals, that its sides will be confused; else empty.
+    std::string tooThin() const;
     /// Whether which side is outside is a guess: for most points no solid tells.
     bool guessesOutside() const { return unclosed > 0.5; }
 };

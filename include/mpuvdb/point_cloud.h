@@ -84,6 +84,11 @@ struct PointStatistics {
     double normalNoise = 0;
     /// Whether the points lie about no surface at any scale, but throughout a solid.
     bool fillSolid = false;
+    /// Share of the points that have the other side of their part less than 1.5 spacings behind
+    /// them; 0 without normals.
+    double thin = 0;
+    /// The same share of less than 1.5 spacings or 8 standard deviations of the noise.
+    double thinForNoise = 0;
 };
 
 /// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest

@@ -189,6 +189,27 @@ double arcNoise(const std::vector<Neighborhood>& neighborhoods)
     return quantile(std::move(off), 0.5) / (-kLowerQuartile.deviations * std::sqrt(2.0));
 }
 
+/// The share of points that have a sheet behind theirs, nearer than spacings or a depth, world
+/// units, that looks the opposite way.
+double thinShare(const std::vector<Neighborhood>& neighborhoods, double spacings, double depth)
+{
+    // The cosine of opposite normals. [derived: of two that are both within 30 degrees of a
+    // plane's]
+    constexpr float kOpposite = -0.5f;
+    const auto isThin = [&](const Neighborhood& n) {
+        const double spacing = spacingAt(n), near = std::max(spacings * spacing, depth);
+        return std::any_of(n.neighbors.begin(), n.neighbors.end(), [&](const Neighbor& other) {
+            const Vec3f apart = other.position - n.center;
+            const double behind = -double(apart.dot(n.normal));
+            const double beside2 = double(apart.squaredNorm()) - behind * behind;
+            return other.normal.dot(n.normal) < kOpposite && behind > 0 && behind < near &&
+                   beside2 < spacing * spacing;
+        });
+    };
+    const auto thin = std::count_if(neighborhoods.begin(), neighborhoods.end(), isThin);
+    return double(thin) / double(neighborhoods.size());
+}
+
 double medianReach(const std::vector<Neighborhood>& neighborhoods)
 {
     std::vector<double> reach;
@@ -272,8 +293,18 @@ PointStatistics measure(const PointCloud& cloud, const PointIndex& index, Interr
         // A quadratic lacks much of the shape in a ball that holds so much of it.
         if (used * kMuch > index.size() && cloud.hasNormals())
             result.noise = std::min(result.noise, arcNoise(neighborhoods));
-        if (k == kFewest && cloud.hasNormals()) // known however thick the noise of the positions
+        if (k == kFewest && cloud.hasNormals()) { // known however thick the noise of the positions
             result.normalNoise = robustNoise(neighborhoods, used, normalResidual, 4, progress);
+            // Spacings. [derived: as far as the seven nearest of its own sheet are, which a disc of
+            // that radius holds]
+            constexpr double kNearSpacings = 1.5;
+            // Standard deviations. [derived: each side is a layer of 4; between the two there is no
+            // room for a third]
+            constexpr double kNearNoises = 8;
+            result.thin = thinShare(neighborhoods, kNearSpacings, 0);
+            result.thinForNoise =
+                thinShare(neighborhoods, kNearSpacings, kNearNoises * result.noise);
+        }
         const bool isThin = result.noise < kThin * medianReach(neighborhoods);
         if (found == k && k * kOfWhole <= among->size())
             result.fillSolid = !isThin && fillBalls(neighborhoods, k, progress);

@@ -57,6 +57,7 @@ void tell(const ReconstructReport& made)
         warn(fmt::format("{:.0f} % of the points have neighbors on one line only, which tell no "
                          "plane: their normals are guessed; give normals, or lines that lie closer",
                          100 * cleaned.onLines));
+    if (const std::string thin = cleaned.tooThin(); !thin.empty()) warn(thin);
     if (cleaned.guessesOutside())
         warn(fmt::format("which side is outside is a guess, as {:.0f} % of the points are not of a "
                          "closed solid: say from where they were seen with viewpoint, or give "

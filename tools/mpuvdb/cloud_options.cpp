@@ -159,6 +159,7 @@ void CloudOptions::describeCleaning(Session& session, const ReconstructReport& m
                                  "which tell no plane: their normals are guessed. Give "
                                  "normals, or lines that lie closer",
                                  100 * report.onLines));
+    if (const std::string thin = report.tooThin(); !thin.empty()) session.warn(thin);
     if (report.guessesOutside())
         session.warn(fmt::format("which side is outside is a guess, as {:.0f} % of the points are "
                                  "not of a closed solid: say from where they were seen with "

@@ -4,6 +4,8 @@
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/outliers.h>
 
+#include <fmt/format.h>
+
 namespace mpuvdb
 {
 namespace
@@ -112,6 +114,23 @@ private:
 };
 
 } // namespace
+
+std::string CleanReport::tooThin() const
+{
+    /// Share of all points. [tuned: none of 29 real clouds has more than 0.045; walls that get
+    /// holes, or swell, have 0.12 and more]
+    constexpr double kMaxThin = 0.1;
+    const double share = estimateNeighbors ? statistics.thinForNoise : statistics.thin;
+    if (share <= kMaxThin) return {};
+    const std::string part =
+        fmt::format("{:.0f} % of the points have the other side of their part", 100 * share);
+    if (estimateNeighbors)
+        return part + " less than 1.5 spacings or 8 times the noise behind them, so that estimated "
+                      "normals are guesses: walls may swell, or get holes. Give points with "
+                      "normals, more points, or ones with less noise";
+    return part + " less than 1.5 spacings behind them, which so few points hardly tell apart: "
+                  "walls may get holes. Give more points";
+}
 
 CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Interrupter* interrupter)
 {

