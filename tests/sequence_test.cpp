@@ -204,6 +204,8 @@ TEST_F(SequenceTest, WhatCannotBeASequenceIsAUsageErrorBeforeAnyWork)
         const Ended ended = mpuvdb(words, 2);
         EXPECT_NE(ended.err.find(c.said), std::string::npos) << ended.err;
     }
+    const Ended single = mpuvdb({"reconstruct", "in.0001.ply", "-o", "out.####.vdb"}, 2);
+    EXPECT_NE(single.err.find("there is no --frames"), std::string::npos) << single.err;
     mpuvdb({"reconstruct", "in.####.ply", "-o", "out.####.vdb", "--frames", "2-1"}, 2);
     mpuvdb({"reconstruct", "in.####.ply", "-o", "out.####.vdb", "--frames", "1-2", "--jobs", "0"},
            2);

@@ -31,10 +31,10 @@ constexpr std::uint64_t kAlignment = 64;
 constexpr std::size_t kMostArrays = 256;
 
 /// @throws IoError for the system's error number @a error.
-[[noreturn]] void failed(const std::filesystem::path& file, const char* what, int error)
+[[noreturn]] void notWritten(const std::filesystem::path& file, int error)
 {
-    throw IoError(fmt::format("{}: cannot be {}: {}. Free some space, or use another disk",
-                              file.string(), what, systemMessage(error)),
+    throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or use another disk",
+                              file.string(), systemMessage(error)),
                   error);
 }
 
@@ -53,7 +53,7 @@ struct ArrayFileWriter::Entry {
 ArrayFileWriter::ArrayFileWriter(const std::filesystem::path& file) : mFile(file), mEnd(kAlignment)
 {
     mDescriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (mDescriptor < 0) failed(file, "written", errno);
+    if (mDescriptor < 0) notWritten(file, errno);
 }
 
 ArrayFileWriter::~ArrayFileWriter()
@@ -91,7 +91,7 @@ void ArrayFileWriter::writeAt(std::uint64_t offset, const void* data, std::size_
     while (bytes > 0) {
         const ssize_t done = ::pwrite(mDescriptor, from, bytes, off_t(offset));
         if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) failed(mFile, "written", errno);
+        if (done <= 0) notWritten(mFile, errno);
         from += done;
         offset += std::uint64_t(done);
         bytes -= std::size_t(done);
@@ -107,7 +107,7 @@ void ArrayFileWriter::finish()
     writeAt(mEnd, mEntries.data(), mEntries.size() * sizeof(Entry));
     writeAt(0, &head, sizeof head);
     const int closed = ::close(std::exchange(mDescriptor, -1));
-    if (closed != 0) failed(mFile, "written", errno);
+    if (closed != 0) notWritten(mFile, errno);
 }
 
 struct ArrayFile::Mapping {
@@ -137,7 +137,9 @@ ArrayFile::ArrayFile(const std::filesystem::path& file) : mFile(file)
     if (descriptor < 0 || ::fstat(descriptor, &status) != 0) {
         const int error = errno;
         if (descriptor >= 0) ::close(descriptor);
-        failed(file, "read", error);
+        throw IoError(fmt::format("{}: cannot be read: {}. Make it again, or allow reading it",
+                                  file.string(), systemMessage(error)),
+                      error);
     }
     const auto size = std::size_t(status.st_size);
     if (size >= sizeof(Head)) mMapping = std::make_shared<const Mapping>(descriptor, size);

@@ -16,9 +16,16 @@ namespace
 
 namespace fs = std::filesystem;
 
+/// Leave as libpng does of itself, which prints a message before.
+[[noreturn]] void leave(png_structp png, png_const_charp /*message*/)
+{
+    png_longjmp(png, 1);
+}
+void passOver(png_structp /*png*/, png_const_charp /*message*/) {}
+
 /// Owns libpng's structures.
 struct PngWriter {
-    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, leave, passOver);
     png_infop info = png ? png_create_info_struct(png) : nullptr;
     ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };

@@ -16,12 +16,19 @@ namespace
 constexpr int kMaxFrames = 100000;
 constexpr int kMaxWidth = 100; // digits of a frame's number; file systems end names at 255 bytes
 
+/// What stands for a frame's number, and for nothing else.
+const std::regex& plainToken()
+{
+    static const std::regex plain(R"((##+)|%(0(\d+))?d|\$F(\d*))");
+    return plain;
+}
+
 /// What stands for a frame's number in @a pattern: a single # only where nothing else does, as it
 /// may be part of a name, such as shot#1.
 const std::regex& tokenOf(const std::string& pattern)
 {
-    static const std::regex plain(R"((##+)|%(0(\d+))?d|\$F(\d*))"), single(R"((#))");
-    return std::regex_search(pattern, plain) ? plain : single;
+    static const std::regex single(R"((#))");
+    return isFramePattern(pattern) ? plainToken() : single;
 }
 
 } // namespace
@@ -42,6 +49,11 @@ std::vector<int> parseFrames(const std::string& text)
     std::vector<int> frames;
     for (int frame = first; frame <= last; frame += step) frames.push_back(frame);
     return frames;
+}
+
+bool isFramePattern(const std::string& text)
+{
+    return std::regex_search(text, plainToken());
 }
 
 bool hasFrame(const std::string& pattern)

@@ -22,6 +22,9 @@ std::vector<int> parseFrames(const std::string& text);
 /// Whether @a pattern has a place for the frame's number: "####", "%04d", "%d", "$F4" or "$F".
 bool hasFrame(const std::string& pattern);
 
+/// Whether @a text can only be a pattern: a single "#" may be part of a name.
+bool isFramePattern(const std::string& text);
+
 /// @a pattern with the number of @a frame in all its places, padded with zeros to their widths.
 std::string frameFile(const std::string& pattern, int frame);
 

@@ -202,7 +202,7 @@ public:
         app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
         app.add_option("task", mTask, "The task, from 0")
             ->type_name("N")
-            ->check(CLI::NonNegativeNumber.description(""));
+            ->check(CLI::Range(std::size_t(0), std::size_t(1) << 32).description(""));
         app.add_option("--every", mEvery, "Do every Nth task from that one on")
             ->type_name("N")
             ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32).description(""));

@@ -1,5 +1,6 @@
 #include "output_check.h"
 
+#include "frames.h"
 #include <mpuvdb/error.h>
 
 #include <algorithm>
@@ -45,6 +46,10 @@ bool writable(const fs::path& folder)
 
 void checkPlace(const Output& output)
 {
+    if (isFramePattern(output.path)) // of a sequence, it would be the name of a frame by now
+        throw UsageError(fmt::format("{} {}: has a place for a frame's number, and there is no "
+                                     "--frames. Give --frames 1-24, or another name",
+                                     output.option, output.path));
     fs::path path(output.path);
     if (path.filename().empty()) path = path.parent_path(); // of a folder's name that ends in /
     std::error_code ignored;

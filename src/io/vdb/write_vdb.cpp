@@ -1,5 +1,6 @@
 // Grids to .vdb files, whole or not at all, with the same bytes for the same grids.
 #include "files/atomic_file.h"
+#include "files/system_message.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
@@ -228,11 +229,11 @@ void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids,
             writeStream(temporary, grids, ofFile, progress);
             setOldestVersion(temporary, grids);
             identifyByContent(temporary);
-        } catch (const std::ios::failure& e) {
+        } catch (const std::ios::failure&) {
             const int number = errno; // of the last write
             throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
                                       "another disk",
-                                      file.string(), e.what()),
+                                      file.string(), systemMessage(number)),
                           number);
         } catch (const openvdb::Exception& e) {
             throw IoError(
