@@ -1,5 +1,5 @@
 // Normals that look the wrong way. A screen finds the cells of a grid whose normals disagree: there
-// each point asks its neighbors. What whole patches of them say is found after that.
+// each point asks its neighbors. Whole patches, whose points agree, are looked for after that.
 #include "core/parallel_each.h"
 #include "flipped_patches.h"
 #include "points/indexed.h"
