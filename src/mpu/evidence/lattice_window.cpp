@@ -147,7 +147,8 @@ void LatticeWindow::request(const std::vector<Quad>& positions,
             slot = isNew ? mUsed : slot;
             mUsed += isNew ? std::int32_t(mLength) : 0;
         });
-    mSums.assign(std::size_t(mUsed), 0);
+    mSums.resize(std::size_t(mUsed));
+    std::memset(mSums.data(), 0, mSums.size() * sizeof(float)); // assign() fills them one by one
     mPoints.clear();
 }
 
