@@ -30,6 +30,54 @@ TEST(TaubinError, IsTheLargestDistanceToFirstOrderWithinTheRadius)
     EXPECT_EQ(taubinError(fit, cellOf({}, {}, 4), 4), 0.0);
 }
 
+/// Points of two planes 2 apart that look away from each other, the lower one beyond the radius 1.
+CellPoints wallPoints()
+{
+    std::vector<Vec3d> positions, normals;
+    for (const double z : {0.0, -2.0})
+        for (int x = -2; x <= 2; ++x)
+            for (int y = -2; y <= 2; ++y) {
+                positions.emplace_back(0.4 * x, 0.4 * y, z);
+                normals.emplace_back(0, 0, z < 0 ? -1 : 1);
+            }
+    return cellOf(positions, normals, 3);
+}
+
+TEST(HeightError, CountsPointsThatLookAwayWhereverTheyAre)
+{
+    const Quadric plane{Eigen::Matrix3d::Zero(), Vec3d(0, 0, 1), 0};
+    EXPECT_DOUBLE_EQ(heightError(plane, wallPoints(), 1), 2);
+    LocalFit fit;
+    fit.pieces[0] = plane;
+    EXPECT_EQ(taubinError(fit, wallPoints(), 1), 0);
+    // One normal of the sheet itself may be flipped, and points beside it beyond the radius count
+    // for nothing.
+    CellPoints sheet = cellOf({Vec3d(0, 0, 0), Vec3d(2, 0, 0), Vec3d(0, 2, 1)},
+                              {Vec3d(0, 0, 1), Vec3d(0, 0, -1), Vec3d(0, 0, 1)}, 3);
+    EXPECT_EQ(heightError(plane, sheet, 1), 0);
+}
+
+TEST(SidedError, IsInfiniteForAFitThatLooksAway)
+{
+    LocalFit wall, inverse;
+    wall.count = inverse.count = 2;
+    wall.pieces[0] = {Eigen::Matrix3d::Zero(), Vec3d(0, 0, 1), 0};
+    wall.pieces[1] = {Eigen::Matrix3d::Zero(), Vec3d(0, 0, -1), -2};
+    wall.maxBits = 1;
+    for (int k = 0; k < 2; ++k) { // a slot of the same faces
+        inverse.pieces[k] = wall.pieces[k];
+        inverse.pieces[k].b *= -1;
+        inverse.pieces[k].c *= -1;
+    }
+    CellPoints points = wallPoints(); // 50
+    EXPECT_EQ(sidedError(wall, points, 1), 0);
+    EXPECT_TRUE(std::isinf(sidedError(inverse, points, 1)));
+    for (int flipped = 1; flipped <= 8; ++flipped) { // a tenth may be
+        points.nz[std::size_t(2 * flipped)] *= -1;
+        EXPECT_EQ(std::isinf(sidedError(wall, points, 1)), flipped > 5) << flipped;
+    }
+}
+
 TEST(ZeroSetGap, IsTheDistanceFromTheZeroSetToItsData)
 {
     LocalFit fit;

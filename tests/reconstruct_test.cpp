@@ -153,6 +153,27 @@ TEST(Reconstruct, WallsAndSlotsThinnerThanTwoVoxelsAreWhereTheirPointsAre)
     }
 }
 
+TEST(Reconstruct, WallsOfThreeSpacingsHaveNoPits)
+{
+    // Where random points leave a gap, those of the other side are as near.
+    const char* const name = "difference(cylinder(0.34, 2.6), cylinder(0.26, 4))";
+    for (const int points : {10000, 13000}) {
+        const ReconstructResult r = reconstructed(test::randomScan(name, points), 0.027);
+        Interrupter progress;
+        const Mesh mesh = extractMesh(r.levelSet(), {r.field.get()}, &progress);
+        const auto solid = parseSolid(name);
+        std::size_t walls = 0, pits = 0;
+        for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) {
+            const Vec3d p = mesh.world(v);
+            if (std::abs(p[2]) > 1.2) continue; // its rims
+            ++walls;
+            pits += std::abs(solid->distance(p)) > 0.5 * r.levelSet().voxelSize();
+        }
+        ASSERT_GT(walls, 5000u);
+        EXPECT_EQ(pits, 0u) << points << " points";
+    }
+}
+
 // --- Convergence
 
 double order(double coarse, double fine, double refinement)

@@ -187,6 +187,7 @@ public:
         const double last = mFilter.nearest(near, center, std::size_t(mFit.minPoints), mGrown);
         const double grown = last * (1 + 1e-6);
         mCell.assign(mGrown, center, grown);
+        keepSheetOf(mFilter.nearestOf(mGrown, center));
         LocalFit fit;
         fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
         support = supportInEmpty(fit, Vec3d::Zero(), supportRadius(cell.level), spacing);
@@ -205,6 +206,15 @@ public:
     }
 
 private:
+    /// Take their weights from the points of mCell that look away from point @a n: they are of
+    /// another sheet.
+    void keepSheetOf(std::size_t n)
+    {
+        const Vec3d normal = mCell.normal(n);
+        for (std::size_t i = 0; i < mCell.count; ++i)
+            if (mCell.normal(i).dot(normal) < kAway) mCell.weight[i] = 0;
+    }
+
     /// Largest gap of a fit that need not be split, and that empty children may inherit.
     static double maxSupportedGap(double radius, double ballRadius, double spacing)
     {

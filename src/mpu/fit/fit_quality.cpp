@@ -51,23 +51,35 @@ struct Samples {
     return s;
 }
 
-/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
+/// The points that are farthest from a fit.
+struct Farthest {
+    double within2 = 0; ///< largest (confidence Q)^2 / |grad Q|^2 within the radius
+    double away2 = 0;   ///< the same over all points that look away from the fit
+    double away = 0;    ///< number of points that look away from it
+};
+
 MPUVDB_WIDE_CLONES
-double worstSquared(const LocalFit& fit, const CellPoints& points, double testRadius)
+Farthest farthestPoints(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
     const double radius2 = testRadius * testRadius;
-    Group worst{};
+    Group within{}, away{}, count{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
         const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
         const Samples s = sampleFit(fit, x, y, z);
-        const Group value = load(points.confidence, i) * s.value;
+        const Group confidence = load(points.confidence, i), value = confidence * s.value;
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
         const Group flat = Group{} + kMinGradient2;
         const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
-        const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
-        worst = within > worst ? within : worst;
+        const Group along =
+            load(points.nx, i) * s.gx + load(points.ny, i) * s.gy + load(points.nz, i) * s.gz;
+        const Group inside = x * x + y * y + z * z < radius2 ? error2 : Group{};
+        within = inside > within ? inside : within;
+        const auto looksAway = (along < 0) & (along * along > kAway * kAway * slope2);
+        const Group beyond = looksAway ? error2 : Group{};
+        away = beyond > away ? beyond : away;
+        count += looksAway & (confidence > 0) ? Group{} + 1 : Group{};
     }
-    return largest(worst);
+    return {largest(within), largest(away), sum(count)};
 }
 
 /// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough).
@@ -163,7 +175,23 @@ unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& center, double radius
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
-    return std::sqrt(worstSquared(fit, points, testRadius));
+    return std::sqrt(farthestPoints(fit, points, testRadius).within2);
+}
+
+double heightError(const Quadric& height, const CellPoints& points, double testRadius)
+{
+    LocalFit fit;
+    fit.pieces[0] = height;
+    const Farthest farthest = farthestPoints(fit, points, testRadius);
+    return std::sqrt(std::max(farthest.within2, farthest.away2));
+}
+
+double sidedError(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
+    const Farthest farthest = farthestPoints(fit, points, testRadius);
+    return farthest.away > kMaxAwayShare * double(points.count)
+               ? std::numeric_limits<double>::infinity()
+               : std::sqrt(farthest.within2);
 }
 
 namespace

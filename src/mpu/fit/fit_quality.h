@@ -12,8 +12,26 @@ namespace mpuvdb
 /// [tuned: noise_bench]
 constexpr double kMaxNoiseDistance = 8;
 
+/// Largest cosine between two normals that look away from each other: 15 degrees beyond a right
+/// angle, as beside a right edge either face may be in effect. [tuned: reconstruct_test; with -0.5
+/// pits in thin walls come back, and the rms of a tube is .034 of a spacing instead of .012]
+constexpr double kAway = -0.25;
+
+/// Largest share of its points that a fit may look away from. [tuned: edge_bench; a part's edges
+/// are 1.1 times as far off with 0.05, and a tube's with one normal of 500 flipped 1.4 times with
+/// 0.2]
+constexpr double kMaxAwayShare = 0.1;
+
 /// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
+
+/// taubinError() of a height over a plane, also over the points beyond the radius that it looks
+/// away from: those on it have flipped normals, all others are of a sheet that it cannot meet.
+double heightError(const Quadric& height, const CellPoints& points, double testRadius);
+
+/// taubinError() of a fit that may turn back; infinite if it looks away from more points than may
+/// have flipped normals: it is near them by chance, and has its inside outside.
+double sidedError(const LocalFit& fit, const CellPoints& points, double testRadius);
 
 /// Whether the residuals of the points within @a testRadius look like noise of standard deviation
 /// @a noise (up to twice that, as noise varies): their means over sixteen parts of the ball scatter

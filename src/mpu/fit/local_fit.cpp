@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -240,7 +241,7 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
     const std::optional<LocalFit> sharp = fitSharp(points, scratch);
     if (!sharp) return;
     const auto offer = [&](const LocalFit& fit) {
-        const double error = taubinError(fit, points, testRadius);
+        const double error = sidedError(fit, points, testRadius);
         if (!(error < std::min(most, result.error))) return;
         result.fit = fit;
         result.error = error;
@@ -261,7 +262,7 @@ bool isAccepted(const FitResult& result, const CellPoints& points, double testRa
                 const FitSettings& settings)
 {
     if (result.error <= settings.tolerance) return true;
-    if (!(settings.noise > 0)) return false;
+    if (!(settings.noise > 0) || !std::isfinite(result.error)) return false;
     if (points.count <= kFewPoints) return result.error <= kMaxNoiseDistance * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
@@ -288,11 +289,10 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
 /// outliers.
 bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
 {
-    constexpr double kMaxStrayShare = 0.05; ///< largest share of outliers [tuned: noise_bench]
     if (!(noise > 0) || lowest > 0) return lowest <= 0;
     std::size_t opposed = 0;
     for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;
-    return double(opposed) > kMaxStrayShare * double(points.count);
+    return double(opposed) > kMaxAwayShare * double(points.count);
 }
 
 /// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
@@ -321,11 +321,10 @@ double meanTurn(const Quadric& q, const CellPoints& points)
 /// flat faces, which its zero set rounds.
 bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
 {
-    /// Largest noise of exact normals, and root mean square of their turns, radians.
+    /// Largest root mean square of the turns of exact normals, and so of their noise, radians.
     /// [tuned: local_fit_test, sharp_mesh_test]
-    constexpr double kMaxExactNormalNoise = 0.003;
     constexpr double kMaxExactTurn = 0.017;
-    return settings.noise <= 0 && settings.normalNoise < kMaxExactNormalNoise &&
+    return settings.noise <= 0 && settings.normalNoise < kMaxExactTurn &&
            2 * meanTurn(q, points) > kMaxExactTurn * kMaxExactTurn;
 }
 
@@ -349,7 +348,8 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     } else {
         result.fit.pieces[0] = fitBivariate(points, normal, kMinQuadraticPoints, settings.lever);
     }
-    result.error = taubinError(result.fit, points, testRadius);
+    result.error = general ? sidedError(result.fit, points, testRadius)
+                           : heightError(result.fit.pieces[0], points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);
     const bool turnsAway =
         !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
