@@ -1,4 +1,5 @@
 // Functions and warps of many points at once are those of single points.
+#include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
 
 #include <gtest/gtest.h>
@@ -102,6 +103,16 @@ TEST(BatchField, FindsItsSeedsInFewCalls)
     const std::size_t seeds = batch(calls)->seedBlocks({Vec3d::Zero(), 0.01}).size();
     ASSERT_GT(seeds, 2000u);
     EXPECT_LT(calls, int(seeds / 50)) << "each call is to test hundreds of cubes";
+}
+
+TEST(BatchField, WantsAValueForEachPoint)
+{
+    const auto none = [](const std::vector<Vec3d>&, std::vector<double>& values) {
+        values.clear();
+    };
+    EXPECT_THROW(makeFunctionField(none, kBounds, 1)->evaluate(Vec3d::Zero()), InputError);
+    const auto nowhere = [](const std::vector<Vec3d>&, std::vector<Vec3d>& from) { from.clear(); };
+    EXPECT_THROW(makeWarp(nowhere, shearedBox, 1.2)->inverse(Vec3d::Zero()), InputError);
 }
 
 TEST(BatchWarp, IsTheWarpOfSinglePoints)

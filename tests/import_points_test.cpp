@@ -93,6 +93,25 @@ TEST(ImportPoints, WantsOneNormalForEach)
     EXPECT_THROW(importPoints(view), UsageError);
 }
 
+TEST(ImportPoints, WantsRowsOfTheRightWidth)
+{
+    const std::vector<float> flat = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    EXPECT_THROW(importPoints(PointView(NumberView(flat))), UsageError);
+    const std::vector<std::array<float, 2>> plane(3);
+    EXPECT_THROW(importPoints(PointView(plane)), UsageError);
+    PointView view(NumberView(flat.data(), 3, 3));
+    EXPECT_EQ(importPoints(view).cloud.size(), 3u);
+    view.viewpoints = {Vec3d(0, 0, NAN)};
+    EXPECT_THROW(importPoints(view), UsageError);
+}
+
+TEST(Clean, RefusesPositionsThatAreNotFinite)
+{
+    PointCloud cloud = sphere(100);
+    cloud.positions[7][1] = NAN;
+    EXPECT_THROW(clean(cloud, {}), InputError);
+}
+
 TEST(ImportPoints, KnowsTheViewpoints)
 {
     const Arrays arrays(sphere(500));
@@ -138,7 +157,7 @@ TEST(ImportPoints, ReadsEveryLayout)
 }
 
 /// Colors of 16 bits, of bytes and in [0, 1] are one color each, as in files.
-TEST(ImportPoints, ColorsAreOfTheScaleOfTheLargest)
+TEST(ImportPoints, ColorsAreOfTheScaleOfMost)
 {
     const PointCloud cloud = sphere(300);
     std::vector<Vec3d> places;
@@ -147,6 +166,8 @@ TEST(ImportPoints, ColorsAreOfTheScaleOfTheLargest)
         std::vector<Vec3d> colors(places.size(), full * Vec3d(1, 0.6, 0.2));
         PointView view(places);
         view.colors = colors;
+        EXPECT_EQ(importPoints(view).cloud.colors.back(), (Rgb{255, 153, 51})) << full;
+        colors.front() *= 300; // a highlight
         EXPECT_EQ(importPoints(view).cloud.colors.back(), (Rgb{255, 153, 51})) << full;
     }
 }

@@ -422,6 +422,8 @@ TEST(Particles, NamesOfRadiiAndVelocities)
           {"velX", "velY", "velZ"},
           {"VX", "VY", "VZ"}})
         EXPECT_EQ(ParticleNames::among(written).velocity, written);
+    EXPECT_EQ(ParticleNames::among({"age", "RADIUS"}).radius, "RADIUS");
+    EXPECT_EQ(ParticleNames::among({"Diameter"}).radiusScale, 0.5);
     const ParticleNames none = ParticleNames::among({"intensity", "vx", "vz"});
     EXPECT_TRUE(none.radius.empty());
     EXPECT_TRUE(none.velocity.empty());
@@ -472,6 +474,21 @@ TEST_F(ParticleFiles, VelocitiesInAPlaneHaveNoThirdComponent)
     EXPECT_NE(read.notes.back().find("the third is 0"), std::string::npos) << read.notes.back();
 }
 
+TEST_F(ParticleFiles, WhatSomeFilesLackIsTold)
+{
+    const auto with = mFolder / "with.csv", without = mFolder / "without.csv";
+    std::ofstream(with) << "X,Y,Z,Pscale,vx,vy,vz\n0,0,0,0.5,1,2,3\n4,0,0,0.25,4,5,6\n";
+    std::ofstream(without) << "x,y,z\n0,8,0\n4,8,0\n";
+    EXPECT_EQ(readParticles({with}).radii.size(), 2u);
+    const Particles read = readParticles({with, without});
+    EXPECT_TRUE(read.radii.empty());
+    EXPECT_TRUE(read.velocities.empty());
+    ASSERT_EQ(read.warnings.size(), 2u);
+    EXPECT_NE(read.warnings[0].find("without.csv has no 'Pscale': the radii"), std::string::npos)
+        << read.warnings[0];
+    EXPECT_NE(read.warnings[1].find("velocities"), std::string::npos) << read.warnings[1];
+}
+
 TEST_F(ParticleFiles, PointGridsAreParticles)
 {
     namespace points = openvdb::points;
@@ -512,6 +529,27 @@ TEST_F(ParticleFiles, PointGridsAreParticles)
     EXPECT_THROW(readParticles({empty}), InputError);
 }
 
+TEST(Particles, TinyOnesAmongOthersCostLittle)
+{
+    // Spray that fades out: voxels pass by the smallest, of a millionth of the box.
+    std::vector<Vec3d> centers = box(8, 8, 8, 0.3);
+    std::vector<float> radii(centers.size());
+    for (std::size_t i = 0; i < radii.size(); ++i) radii[i] = 0.5f * float(std::pow(0.96, i));
+    ParticleView view;
+    view.positions = centers;
+    view.radii = radii;
+    ParticleOptions options;
+    options.voxelSize = world(0.1);
+    for (const auto surface : {ParticleSurface::Smooth, ParticleSurface::Spheres}) {
+        options.surface = surface;
+        const auto start = std::chrono::steady_clock::now();
+        const ParticleResult made = particlesToLevelSet(importParticles(view), options);
+        const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+        EXPECT_GT(made.report.lost, 300u);
+        EXPECT_LT(taken.count(), 20) << "before it was minutes";
+    }
+}
+
 TEST(Particles, BadInputIsRefused)
 {
     const std::vector<Vec3d> centers = box(3, 3, 3, 0);
@@ -537,6 +575,9 @@ TEST(Particles, BadInputIsRefused)
     EXPECT_THROW(surfaceOf(centers, 0.5, 1e-9), LimitError);
     const std::vector<float> few(4, 0.5f);
     EXPECT_THROW(importParticles({NumberView(centers), NumberView(few), {}, {}, {}}), UsageError);
+    Particles short_ = particlesAt(centers);
+    short_.radii = few;
+    EXPECT_THROW(particlesToLevelSet(std::move(short_)), UsageError);
     ParticleOptions options;
     options.radiusScale = 0;
     EXPECT_THROW(particlesToLevelSet(turning(centers), options), UsageError);

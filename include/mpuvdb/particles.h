@@ -55,8 +55,9 @@ struct ParticleNames {
     double radiusScale = 1;            ///< of that number to the radius
     std::vector<std::string> velocity; ///< of its two or three components, or empty
 
-    /// Those among @a scalars: radii are "pscale" or "radius", or half of "width"; velocities "vx"
-    /// "vy" "vz", or "v", "vel" or "velocity" with "_x", ".x" or "[0]" and so on.
+    /// Those among @a scalars, whatever their case: radii are "pscale" or "radius", or half of
+    /// "width", "widths" or "diameter"; velocities "vx" "vy" "vz", or "v", "vel" or "velocity" with
+    /// "_x", ".x" or "[0]" and so on.
     static ParticleNames among(const std::vector<std::string>& scalars);
 };
 

@@ -62,7 +62,8 @@ struct PointCloud {
     bool empty() const { return positions.empty(); }
     bool hasNormals() const { return !normals.empty(); }
     Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
-    /// @throws UsageError if some attribute is neither empty nor one per point.
+    /// @throws UsageError if some attribute is neither empty nor one per point, or a viewpoint is
+    /// not there; InputError if a position is not finite.
     void demandWhole() const;
     /// Keep the points i with keep[i] != 0, in order, with all their attributes.
     void compact(const std::vector<std::uint8_t>& keep);

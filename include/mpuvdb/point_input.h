@@ -22,23 +22,25 @@ struct NumberView {
     const void* first = nullptr; ///< the first row's first number
     Type type = Type::Float;
     std::size_t rows = 0;
-    std::size_t stride = 0; ///< bytes from a row to the next one
+    std::size_t columns = 0; ///< numbers of a row
+    std::size_t stride = 0;  ///< bytes from a row to the next one
 
     NumberView() = default;
     /// @param numbers  the first row's first one. @param count  of rows.
-    /// @param columns  numbers of a row, which lie side by side.
+    /// @param width  numbers of a row, which lie side by side.
     /// @param bytes  from a row to the next one; 0: the rows follow each other.
     template <class Number>
-    NumberView(const Number* numbers, std::size_t count, std::size_t columns, std::size_t bytes = 0)
-        : first(numbers), type(typeOf<Number>()), rows(count),
-          stride(bytes ? bytes : columns * sizeof(Number))
+    NumberView(const Number* numbers, std::size_t count, std::size_t width, std::size_t bytes = 0)
+        : first(numbers), type(typeOf<Number>()), rows(count), columns(width),
+          stride(bytes ? bytes : width * sizeof(Number))
     {
     }
     /// A vector of numbers, or of vectors of numbers: openvdb::Vec3f, Eigen::Vector3d,
     /// std::array<float, 3>.
     template <class Row>
     NumberView(const std::vector<Row>& all)
-        : first(all.data()), type(typeOf<NumberOf<Row>>()), rows(all.size()), stride(sizeof(Row))
+        : first(all.data()), type(typeOf<NumberOf<Row>>()), rows(all.size()),
+          columns(sizeof(Row) / sizeof(NumberOf<Row>)), stride(sizeof(Row))
     {
     }
 
@@ -78,8 +80,8 @@ struct PointView {
     NumberView positions;   ///< 3 numbers, world units
     NumberView normals;     ///< 3 numbers, outward, of any length
     NumberView confidences; ///< 1 number from 0 on, of any scale; a point of 0 is left out
-    /// 3 numbers in sRGB: bytes, or floats in [0, 1]; if the largest is 2 or more, in [0, 255], and
-    /// if it is 256 or more, in [0, 65535], as in files.
+    /// 3 numbers in sRGB: bytes, or floats in [0, 1], [0, 255] or [0, 65535]: of what most
+    /// components are, as in files.
     NumberView colors;
     std::vector<std::pair<std::string, NumberView>> scalars; ///< at most 8, 1 number, by name
     std::vector<Vec3d> viewpoints; ///< where points were seen from, world units
@@ -91,6 +93,8 @@ struct PointView {
     template <class Row>
     PointView(const std::vector<Row>& places) : positions(places)
     {
+        static_assert(!std::is_arithmetic_v<Row>,
+                      "a vector of numbers has no rows: give NumberView(numbers, count, 3)");
     }
 };
 
@@ -107,6 +111,8 @@ struct PointInput {
     std::map<std::string, std::uint64_t> dropped;
     std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
     std::vector<std::string> scalarNames; ///< that all files have, requested or not
+    /// Scalars that only some files have, with the first of the other files.
+    std::map<std::string, std::string> partialScalars;
     /// Information for the user ("bunny.ply: normals computed from its 69451 faces").
     std::vector<std::string> notes;
     /// Warnings for the user: positions were rounded far above the points' spacing.

@@ -130,7 +130,14 @@ FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const B
 FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness)
 {
     requireFunction(bool(function), bounds, steepness);
-    return std::make_shared<BatchField>(function, bounds, steepness);
+    const auto checked = [function](const std::vector<Vec3d>& points, std::vector<double>& values) {
+        function(points, values);
+        if (values.size() != points.size())
+            throw InputError(fmt::format("function: it gave {} values for {} points. Give one for "
+                                         "each",
+                                         values.size(), points.size()));
+    };
+    return std::make_shared<BatchField>(checked, bounds, steepness);
 }
 
 } // namespace mpuvdb

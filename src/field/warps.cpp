@@ -371,7 +371,14 @@ std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch)
 {
     requireWarp(inverse && image, stretch);
-    return std::make_shared<BatchWarp>(std::move(inverse), std::move(image), stretch);
+    const auto checked = [inverse](const std::vector<Vec3d>& points, std::vector<Vec3d>& from) {
+        inverse(points, from);
+        if (from.size() != points.size())
+            throw InputError(fmt::format("warp: its inverse gave {} places for {} points. Give one "
+                                         "for each",
+                                         from.size(), points.size()));
+    };
+    return std::make_shared<BatchWarp>(checked, std::move(image), stretch);
 }
 
 void Warp::inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const

@@ -20,7 +20,7 @@ constexpr std::size_t kBinGrain = 1 << 14; // particles; [free: the same bins]
 
 std::uint64_t keyOf(const Vec3i& bin)
 {
-    return std::uint64_t(bin[0]) << (2 * kKeyBits) | std::uint64_t(bin[1]) << kKeyBits |
+    return (std::uint64_t(bin[0]) << (2 * kKeyBits)) + (std::uint64_t(bin[1]) << kKeyBits) +
            std::uint64_t(bin[2]);
 }
 
@@ -68,13 +68,10 @@ ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vecto
     }
 }
 
-std::pair<std::size_t, std::size_t> ParticleBins::column(int i, int j, int first, int last) const
+std::size_t ParticleBins::notBefore(std::size_t begin, const Vec3i& at) const
 {
-    const auto begin = std::lower_bound(mKeys.begin(), mKeys.end(), keyOf({i, j, first}));
-    const std::uint64_t lastKey = keyOf({i, j, last});
-    auto end = begin;
-    while (end != mKeys.end() && *end <= lastKey) ++end;
-    return {std::size_t(begin - mKeys.begin()), std::size_t(end - mKeys.begin())};
+    const auto from = mKeys.begin() + std::ptrdiff_t(begin);
+    return std::size_t(std::lower_bound(from, mKeys.end(), keyOf(at)) - mKeys.begin());
 }
 
 ParticleOctaves binParticles(const std::vector<Vec3f>& positions, const std::vector<float>& radii,

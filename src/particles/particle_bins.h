@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -68,11 +67,24 @@ public:
     void forEachColumnIn(const Box3d& box, F&& f) const
     {
         const Vec3i first = binAt(box.min()), last = binAt(box.max());
-        for (int i = first[0]; i <= last[0]; ++i)
-            for (int j = first[1]; j <= last[1]; ++j) {
-                const auto [begin, end] = column(i, j, first[2], last[2]);
+        std::size_t begin = notBefore(0, first);
+        while (begin < mBins.size() && mBins[begin].at[0] <= last[0]) {
+            const Vec3i at = mBins[begin].at;
+            if (at[1] < first[1]) {
+                begin = notBefore(begin, {at[0], first[1], first[2]});
+            } else if (at[1] > last[1]) {
+                begin = notBefore(begin, {at[0] + 1, first[1], first[2]});
+            } else if (at[2] < first[2]) {
+                begin = notBefore(begin, {at[0], at[1], first[2]});
+            } else {
+                std::size_t end = begin;
+                while (end < mBins.size() && mBins[end].at.head<2>() == at.head<2>() &&
+                       mBins[end].at[2] <= last[2])
+                    ++end;
                 if (begin < end) f(begin, end);
+                begin = notBefore(end, {at[0], at[1] + 1, first[2]});
             }
+        }
     }
     /// The same with the run of the particles in each range.
     template <class F>
@@ -84,8 +96,8 @@ public:
     }
 
 private:
-    /// Numbers of the first of the bins (i, j, first ... last), and of the one behind the last.
-    std::pair<std::size_t, std::size_t> column(int i, int j, int first, int last) const;
+    /// The number of the first bin, of those from @a begin on, that is not before the place @a at.
+    std::size_t notBefore(std::size_t begin, const Vec3i& at) const;
 
     Vec3d mCorner;
     double mSide = 0, mLargest = 0;

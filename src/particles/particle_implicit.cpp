@@ -235,10 +235,18 @@ void requireMemory(std::size_t particles, std::size_t blocks, double voxelSize,
 {
     const std::uint64_t bytes = bytesFor(particles, blocks);
     if (maxBytes && bytes > maxBytes)
-        throw LimitError(fmt::format("particles: about {} are needed for {} blocks of 8 x 8 x 8 "
+        throw LimitError(fmt::format("particles: {} at least are needed for {} blocks of 8 x 8 x 8 "
                                      "voxels of size {:.4g}, and the limit is {}. Use larger "
                                      "voxels or a larger --max-memory",
                                      sizeText(bytes), blocks, voxelSize, sizeText(maxBytes)));
+}
+
+/// The fewest blocks that a surface has which encloses a ball of @a radius: seen from its middle
+/// they cover it, and none covers more than the disc about a block.
+double fewestBlocks(double radius, double voxelSize)
+{
+    const double across = std::sqrt(3.0) / 2 * kBlockDim * voxelSize; // the disc's radius
+    return 4 * std::pow(radius / across, 2);
 }
 
 openvdb::Coord originOf(const Vec3i& block)
@@ -342,6 +350,8 @@ ParticleImplicit sampleParticles(const ParticleOctaves& octaves, const Lattice& 
     const bool isSmooth = surface == ParticleSurface::Smooth;
     std::size_t particles = 0;
     for (const ParticleBins& bins : octaves) particles += bins.size();
+    const double fewest = fewestBlocks(octaves.back().largestRadius(), lattice.voxelSize);
+    requireMemory(particles, std::size_t(std::min(fewest, 1e15)), lattice.voxelSize, maxBytes);
     progress.beginStage("blocks");
     const ParticleBlocks blocks(octaves, lattice, isSmooth, progress);
     std::vector<Vec3i> wave = blocks.nearSurface(maxBytes, progress);

@@ -52,14 +52,12 @@ std::optional<std::string> named(const std::vector<std::string>& scalars, const 
 
 ParticleNames ParticleNames::among(const std::vector<std::string>& scalars)
 {
-    const auto has = [&](const std::string& name) {
-        return std::find(scalars.begin(), scalars.end(), name) != scalars.end();
-    };
     ParticleNames names;
     for (const auto& [name, scale] :
-         {std::pair("pscale", 1.0), std::pair("radius", 1.0), std::pair("width", 0.5)})
-        if (names.radius.empty() && has(name)) {
-            names.radius = name;
+         {std::pair("pscale", 1.0), std::pair("radius", 1.0), std::pair("width", 0.5),
+          std::pair("widths", 0.5), std::pair("diameter", 0.5)})
+        if (const auto found = named(scalars, name); found && names.radius.empty()) {
+            names.radius = *found;
             names.radiusScale = scale;
         }
     for (const char* const vector : {"v", "vel", "velocity", "velocities"})
@@ -119,6 +117,7 @@ Particles importParticles(const ParticleView& view, Interrupter* interrupter)
         const std::size_t size = part.type == NumberView::Type::Double  ? sizeof(double)
                                  : part.type == NumberView::Type::Float ? sizeof(float)
                                                                         : 1;
+        part.columns = 1;
         part.first = static_cast<const std::byte*>(part.first) + axis * size;
         points.scalars.emplace_back(names.velocity[axis], part);
     }

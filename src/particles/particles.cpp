@@ -46,6 +46,20 @@ void requireOptions(const ParticleOptions& options)
                                      options.radiusScale));
 }
 
+/// @throws UsageError for attributes of another number than the particles.
+void requireWhole(const Particles& particles)
+{
+    const auto require = [&](std::size_t count, const std::string& what) {
+        if (count != 0 && count != particles.size())
+            throw UsageError(fmt::format("{} particles with {} {}: give one for each, or none",
+                                         particles.size(), count, what));
+    };
+    require(particles.radii.size(), "radii");
+    require(particles.velocities.size(), "velocities");
+    require(particles.colors.size(), "colors");
+    for (const NamedScalars& s : particles.scalars) require(s.values.size(), "values of " + s.name);
+}
+
 /// @throws InputError for radii that no ball has.
 void requireRadii(const std::vector<float>& radii)
 {
@@ -53,7 +67,8 @@ void requireRadii(const std::vector<float>& radii)
     const auto first = std::find_if(radii.begin(), radii.end(), isBad);
     if (first == radii.end()) return;
     throw InputError(fmt::format(
-        "particle {}: its radius is {:g} ({} of {} like it, or not finite): a ball's is above 0. "
+        "particle {}: its radius is {:g} ({} of {} are not above 0, or not finite): a ball's is "
+        "above 0. "
         "Leave such particles out where they come from, or give one radius for all with --radius",
         first - radii.begin(), *first, std::count_if(first, radii.end(), isBad), radii.size()));
 }
@@ -209,6 +224,7 @@ ParticleResult particlesToLevelSet(Particles&& particles, const ParticleOptions&
     Interrupter& progress = orSilent(interrupter);
     requireOptions(options);
     if (particles.positions.empty()) throw InputError("no particles: the input is empty");
+    requireWhole(particles);
     ParticleResult result;
     ParticleReport& report = result.report;
     report.particles = particles.size();

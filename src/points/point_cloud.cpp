@@ -18,6 +18,13 @@ void PointCloud::demandWhole() const
     demand(colors.size(), "colors");
     for (const NamedScalars& s : scalars) demand(s.values.size(), "values of " + s.name);
     demand(seenFrom.size(), "viewpoints");
+    for (std::size_t i = 0; i < size(); ++i)
+        if (!positions[i].allFinite())
+            throw InputError(fmt::format("point {} of {} is not finite: leave it out", i, size()));
+    for (const std::uint32_t from : seenFrom)
+        if (from != kUnseen && from >= viewpoints.size())
+            throw UsageError(fmt::format("a point was seen from viewpoint {} of {}: count from 0",
+                                         from, viewpoints.size()));
 }
 
 void PointCloud::compact(const std::vector<std::uint8_t>& keep)

@@ -6,6 +6,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/memory.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/particles.h>
 
@@ -196,7 +197,7 @@ void bindParticles(py::module_& module)
             if (voxelSize) options.voxelSize = lengthOf(*voxelSize);
             options.halfWidth = halfWidth;
             options.velocity = velocity;
-            options.maxBytes = maxBytes;
+            options.maxBytes = maxBytes.value_or(defaultMemoryLimit());
             if (const auto files = pathsOf(source)) {
                 if (!velocities.is_none() || !colors.is_none() || !scalars.is_none() ||
                     (!radius.is_none() && !isLength(radius)))
@@ -226,7 +227,8 @@ void bindParticles(py::module_& module)
         "The level set about particles of a liquid, or points that fill a solid, as the command's "
         "particles makes it.\n\n"
         "source: an array (n, 3) of float32 or float64, read in place, world units; or a file, or "
-        "a list of files (.vdb point grids too), whose radii (pscale, radius, half of width) and "
+        "a list of files (.vdb point grids too), whose radii (pscale, radius, half of width, "
+        "widths or diameter) and "
         "velocities (vx vy vz, v_x ...) are read by their names.\n"
         "radius: (n,), or one for all: world units, or '0.1%' of the particles' diagonal; None: "
         "the file's, or of a ball of the volume that the measured spacing leaves each particle.\n"

@@ -54,6 +54,8 @@ void requireNumbers(const NumberView& places)
 {
     if (places.type == NumberView::Type::Byte)
         throw UsageError("places are floats or doubles, not bytes");
+    if (!places.empty() && places.columns != 3)
+        throw UsageError(fmt::format("places have three numbers each, not {}", places.columns));
 }
 
 /// The distance at places of a block by its voxels' values, without triangles. For one thread.

@@ -50,7 +50,8 @@ public:
             ->capture_default_str();
         addLength(app, "--radius", mOptions.radius,
                   "Radius of all particles, instead of their own: pscale, radius, or half of\n"
-                  "width. Default without those: the ball has the volume that the measured\n"
+                  "width, widths or diameter. Default without those: the ball has the volume that "
+                  "the measured\n"
                   "spacing leaves each particle (0.62 spacings)");
         app.add_option("--radius-scale", mOptions.radiusScale, "Factor of all radii")
             ->type_name("X")

@@ -6,6 +6,7 @@
 #include "files/atomic_file.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/memory.h>
 
 #include <algorithm>
 #include <fmt/format.h>
@@ -51,7 +52,12 @@ Session::Session(std::string verb, const CommonOptions& options, Purpose purpose
 
 std::uint64_t Session::bytesLeft() const
 {
-    return mOptions.maxBytes == 0 ? 0 : mOptions.maxBytes - std::min(mHeld, mOptions.maxBytes - 1);
+    if (mOptions.maxBytes == 0) return 0;
+    if (mHeld >= mOptions.maxBytes)
+        throw LimitError(fmt::format("the input and the command itself take {}, and --max-memory "
+                                     "is {}. Give more",
+                                     sizeText(mHeld), sizeText(mOptions.maxBytes)));
+    return mOptions.maxBytes - mHeld;
 }
 
 void Session::openScratch(const std::filesystem::path& path)

@@ -52,7 +52,8 @@ public:
     Interrupter& progress() { return mProgress; }
     ProgressDisplay& display() { return mDisplay; }
     const CommonOptions& options() const { return mOptions; }
-    /// The memory limit less the inputs that were read; 0: there is no limit.
+    /// The memory limit less the inputs that were read; 0: there is no limit. @throws LimitError if
+    /// nothing is left.
     std::uint64_t bytesLeft() const;
     /// From now on large arrays that memory has no room for lie in files beside @a path, which need
     /// not be there yet.

@@ -7,9 +7,29 @@
 #include <mpuvdb/io.h>
 
 #include <algorithm>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
+namespace
+{
+
+/// Warn of radii and velocities that only some files have.
+void noteIgnored(const ParticleNames& names, PointInput& points)
+{
+    std::vector<std::string> partial;
+    for (const auto& [name, file] : points.partialScalars) partial.push_back(name);
+    const ParticleNames some = ParticleNames::among(partial);
+    const auto warn = [&](const std::string& name, const char* what) {
+        points.warnings.push_back(fmt::format("{} has no '{}': the {} of the other inputs are "
+                                              "ignored",
+                                              points.partialScalars.at(name), name, what));
+    };
+    if (names.radius.empty() && !some.radius.empty()) warn(some.radius, "radii");
+    if (names.velocity.empty() && !some.velocity.empty()) warn(some.velocity.front(), "velocities");
+}
+
+} // namespace
 
 Particles readParticles(const std::vector<std::filesystem::path>& files,
                         const std::vector<std::string>& scalars, std::uint64_t maxBytes,
@@ -36,6 +56,7 @@ Particles readParticles(const std::vector<std::filesystem::path>& files,
     add(names.radius);
     for (const std::string& name : names.velocity) add(name);
     if (!wanted.empty()) points = readPoints(files, BadPoints::Drop, {}, wanted, &progress);
+    noteIgnored(names, points);
     return particlesOf(std::move(points), names);
 }
 

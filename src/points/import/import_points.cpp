@@ -85,14 +85,22 @@ PointBlock blockOf(const PointView& points, const std::vector<std::uint32_t>* ro
 
 void requireRows(const PointView& points, const std::string& name)
 {
-    const auto require = [&](const NumberView& view, const std::string& what) {
-        if (!view.empty() && view.rows != points.positions.rows)
+    const auto require = [&](const NumberView& view, const std::string& what, std::size_t width) {
+        if (view.empty()) return;
+        if (view.columns != width)
+            throw UsageError(fmt::format("{}: each of the {} has {} numbers, and not {}", name,
+                                         what, view.columns, width));
+        if (view.rows != points.positions.rows)
             throw UsageError(fmt::format("{}: {} {} for {} points. Give one for each, or none",
                                          name, view.rows, what, points.positions.rows));
     };
-    require(points.normals, "normals");
-    require(points.confidences, "confidences");
-    require(points.colors, "colors");
+    require(points.positions, "positions", 3);
+    require(points.normals, "normals", 3);
+    require(points.confidences, "confidences", 1);
+    require(points.colors, "colors", 3);
+    for (const Vec3d& viewpoint : points.viewpoints)
+        if (!viewpoint.allFinite())
+            throw UsageError(name + ": a viewpoint is not finite. Leave it out");
     if (points.scalars.size() > kMaxScalars)
         throw UsageError(fmt::format("{}: {} scalars are more than {}. Leave some out", name,
                                      points.scalars.size(), kMaxScalars));
@@ -100,7 +108,7 @@ void requireRows(const PointView& points, const std::string& name)
         if (scalar.empty() || view.empty())
             throw UsageError(name + ": a scalar has no name, or no values. Give both");
         // What is no attribute of the surface, as radii, is named with a blank before.
-        require(view, "values of '" + scalar.substr(scalar.front() == ' ') + "'");
+        require(view, "values of '" + scalar.substr(scalar.front() == ' ') + "'", 1);
     }
     if (points.positions.rows > std::numeric_limits<std::uint32_t>::max())
         throw LimitError(fmt::format("{}: {} points are more than 4294967295. Thin them, or work "

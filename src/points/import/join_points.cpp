@@ -181,18 +181,21 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
         }
 }
 
-/// The names that all inputs have, in the first one's order.
-std::vector<std::string> namesOfAll(const Inputs& inputs)
+/// The names that all inputs have, in the first one's order, and those that only some have.
+void nameScalars(const Inputs& inputs, PointInput& result)
 {
-    std::vector<std::string> names = inputs.front().scalarNames;
-    for (const FilePoints& input : inputs) {
-        const auto isMissing = [&](const std::string& name) {
-            return std::find(input.scalarNames.begin(), input.scalarNames.end(), name) ==
-                   input.scalarNames.end();
-        };
-        names.erase(std::remove_if(names.begin(), names.end(), isMissing), names.end());
-    }
-    return names;
+    for (const FilePoints& input : inputs)
+        for (const std::string& name : input.scalarNames) {
+            const auto lacks = [&](const FilePoints& other) {
+                const auto& names = other.scalarNames;
+                return std::find(names.begin(), names.end(), name) == names.end();
+            };
+            const auto without = std::find_if(inputs.begin(), inputs.end(), lacks);
+            if (without != inputs.end())
+                result.partialScalars.emplace(name, without->name);
+            else if (&input == &inputs.front())
+                result.scalarNames.push_back(name);
+        }
 }
 
 // Copies a slice to its place.
@@ -289,7 +292,7 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
     unifyAttributes(inputs, result.notes);
     for (const FilePoints& input : inputs)
         if (input.size() > 0) requireScalars(input, scalars);
-    result.scalarNames = namesOfAll(inputs);
+    nameScalars(inputs, result);
 
     PointCloud& cloud = result.cloud;
     cloud.frame = box.center();

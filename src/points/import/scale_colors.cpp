@@ -13,29 +13,38 @@ namespace mpuvdb
 namespace
 {
 
-/// The factor to bytes for components of which the largest is @a largest. On the next scale all
-/// would be black, less than 2 of 255 or 256 of 65535; fractions of a high dynamic range may be
-/// above 1, and sums of rounded bytes above 255.
-float byteScale(float largest)
-{
-    if (largest < 2) return 255;
-    return largest < 256 ? 1 : 255.0f / 65535;
-}
+/// How many components are on which scale: below 1, but not 0; from 2 on, up to 255, and above.
+struct Scales {
+    std::uint64_t fractions = 0, bytes = 0, words = 0;
+};
 
-float largestOf(const std::vector<PointBlock>& blocks)
+Scales countScales(const std::vector<PointBlock>& blocks)
 {
-    float largest = 0;
+    Scales scales;
     for (const PointBlock& block : blocks)
         for (const Vec3f& color : block.rawColors)
-            for (const float component : color) largest = std::max(largest, component);
-    return largest;
+            for (const float component : color) {
+                scales.fractions += component > 0 && component < 1;
+                scales.bytes += component >= 2 && component < 256;
+                scales.words += component >= 256;
+            }
+    return scales;
+}
+
+/// The factor to bytes: that of the most components, as few fractions of a high dynamic range are
+/// above 2, and few means of bytes below 1.
+float byteScale(const Scales& scales)
+{
+    const std::uint64_t above = scales.bytes + scales.words;
+    if (above == 0 || scales.fractions > above) return 255;
+    return scales.words > scales.bytes ? 255.0f / 65535 : 1;
 }
 
 } // namespace
 
 void scaleColors(FilePoints& points, Interrupter& progress)
 {
-    const float scale = byteScale(largestOf(points.blocks));
+    const float scale = byteScale(countScales(points.blocks));
     for (PointBlock& block : points.blocks) {
         if (block.rawColors.empty()) continue;
         resizeLarge(block.colors, block.rawColors.size());
