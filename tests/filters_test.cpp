@@ -132,6 +132,9 @@ TEST(Smooth, RefusesSettingsOutOfRange)
     EXPECT_THROW(smoothed(sphere, settingsFor(Filter::Median, 1, 0)), UsageError);
     EXPECT_THROW(smoothed(sphere, settingsFor(Filter::Gaussian, 1, 33)), UsageError);
     EXPECT_NO_THROW(smoothed(sphere, settingsFor(Filter::MeanCurvature, 1, 0)));
+    SmoothSettings masked = settingsFor(Filter::Mean, 1);
+    masked.mask = FloatGrid::create(NAN);
+    EXPECT_THROW(smoothed(sphere, masked), InputError);
 }
 
 TEST(Smooth, MayLeaveNothing)

@@ -248,11 +248,14 @@ TEST(GivenLevelSet, WithoutABandIsRefused)
     const FloatGrid::Ptr cut = copyOf(ball());
     cut->clip(openvdb::CoordBBox(Coord(-30), Coord(-1, 30, 30)));
     expectRefused(cut, "without a band");
-    // What check() only complains of is taken.
+    // What check() only complains of is taken, and told of.
     const FloatGrid::Ptr hole = copyOf(ball());
     for (int z = -1; z <= 1; ++z) hole->tree().setValueOff(Coord(20, 0, z));
     std::vector<std::string> notes;
-    EXPECT_NO_THROW(distancesFromGrid(hole, "", notes));
+    EXPECT_NO_THROW(distancesFromGrid(hole, "The cure.", notes));
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_NE(notes[0].find("without a band"), std::string::npos) << notes[0];
+    EXPECT_NE(notes[0].find("The cure."), std::string::npos) << notes[0];
 }
 
 TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)

@@ -326,6 +326,17 @@ TEST_F(MeshFormatsTest, BlenderReadsThem)
     EXPECT_EQ(meshes, 4);
 }
 
+TEST_F(MeshFormatsTest, StlIsRefusedWhereFloatsCollapseTriangles)
+{
+    Mesh mesh = tetrahedron(0);
+    mesh.frame = Vec3d(5e5, 4e6, 0); // a survey's meters: a quarter apart
+    EXPECT_NO_THROW(write("near.stl", mesh));
+    mesh.frame *= 100;
+    EXPECT_THROW(write("far.stl", mesh), InputError);
+    EXPECT_FALSE(std::filesystem::exists(path("far.stl")));
+    EXPECT_NO_THROW(write("far.obj", mesh));
+}
+
 TEST_F(MeshFormatsTest, AssimpReadsThem)
 {
     if (outputOf("assimp version").empty())

@@ -13,6 +13,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -289,6 +290,24 @@ TEST(Region, HasNoBandWhereTheFieldOnlyComesNearToZero)
         const LevelSet part = sampleField(NearMiss(), settings, &progress);
         EXPECT_EQ(differences(part, whole, voxelsIn(box, settings.lattice)), 0u);
     }
+}
+
+TEST(Region, FarLargerThanTheDataIsTheWhole)
+{
+    // Its sides are ten thousand voxels long, and nothing lies along them.
+    const PointCloud cloud = test::randomScan("sphere(1)", 5000);
+    test::Uncleaned settings = voxelSize(0.05);
+    const auto bytesOf = [&] {
+        Interrupter progress;
+        return test::treeBytes(
+            reconstruct(PointCloud(cloud), settings, &progress).levelSet().grid());
+    };
+    const std::string whole = bytesOf();
+    const auto start = std::chrono::steady_clock::now();
+    settings.region = lengths({Vec3d::Constant(-250), Vec3d(250, 250, 250)});
+    EXPECT_TRUE(bytesOf() == whole);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    EXPECT_LT(taken.count(), 20) << "before it was minutes, and all of the memory";
 }
 
 TEST(Region, RefusesWhatIsNone)

@@ -25,7 +25,8 @@ LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth,
 
 /// A level set of @a grid whose values are distances: as levelSetFromGrid() takes it, measured anew
 /// by redistance() where hasSlopesOfDistances() says that they are none.
-/// @param cure  last sentence of an error's text. @param notes  what was mended is appended.
+/// @param cure  last sentence of an error's text. @param notes  what was mended is appended, and
+/// where the band is missing.
 /// @throws InputError as levelSetFromGrid() and requireBand(), LimitError as redistance(),
 /// Interrupted.
 LevelSet distancesFromGrid(const openvdb::FloatGrid::ConstPtr& grid, const std::string& cure,

@@ -30,9 +30,9 @@ std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nul
 
 /// Require that a band lies between inside and outside, nearly everywhere.
 /// @param cure  last sentence of the error's text.
-/// @throws InputError if missingBand() finds more than one in ten faces; Interrupted.
-void requireBand(const LevelSet& levelSet, const std::string& cure,
-                 Interrupter* interrupter = nullptr);
+/// @return missingBand(). @throws InputError if it finds more than one in ten faces; Interrupted.
+std::string requireBand(const LevelSet& levelSet, const std::string& cure,
+                        Interrupter* interrupter = nullptr);
 
 /// Whether check() takes the values of @a levelSet for distances by their slopes. @throws
 /// Interrupted.

@@ -79,8 +79,11 @@ LevelSet distancesFromGrid(const FloatGrid::ConstPtr& grid, const std::string& c
 {
     Interrupter& progress = orSilent(interrupter);
     LevelSet given = levelSetFromGrid(grid, notes, &progress);
-    requireBand(given, cure, &progress);
-    if (hasSlopesOfDistances(given, &progress)) return given;
+    const std::string missing = requireBand(given, cure, &progress);
+    if (hasSlopesOfDistances(given, &progress)) {
+        if (!missing.empty()) notes.push_back(fmt::format("{}. {}", missing, cure));
+        return given;
+    }
     const double slope = medianSlope(given, progress), width = widthFor(given, slope);
     notes.push_back(fmt::format("grid '{}': its values are not distances in world units: beside "
                                 "the surface they change by {:.3g} per unit, where a distance "

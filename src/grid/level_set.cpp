@@ -17,6 +17,10 @@ namespace
 
 void requireFiniteTiles(const openvdb::FloatGrid& grid)
 {
+    if (!std::isfinite(grid.background()))
+        throw InputError(fmt::format("grid '{}': its background is {}, which is not finite. Write "
+                                     "it again from its source",
+                                     grid.getName(), grid.background()));
     auto tile = grid.cbeginValueAll();
     tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
     for (; tile; ++tile) {

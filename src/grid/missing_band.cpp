@@ -137,13 +137,14 @@ std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter)
     return faces.open > 0 ? openFacesText(levelSet, faces) : std::string();
 }
 
-void requireBand(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
+std::string requireBand(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
 {
     /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
     constexpr double kMaxOpen = 0.1;
     const Faces faces = facesOf(levelSet.grid(), orSilent(interrupter));
     if (double(faces.open) > kMaxOpen * double(faces.all))
         throw InputError(fmt::format("{}. {}", openFacesText(levelSet, faces), cure));
+    return faces.open > 0 ? openFacesText(levelSet, faces) : std::string();
 }
 
 } // namespace mpuvdb

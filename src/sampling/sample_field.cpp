@@ -72,11 +72,36 @@ Box3d boxOf(const BlockBox& zone, const Lattice& lattice)
     return {lattice.origin + h * first, lattice.origin + h * last};
 }
 
+/// The box of the leaves of @a tree, and of what is inside without leaves.
+openvdb::CoordBBox solidBox(const openvdb::FloatTree& tree)
+{
+    openvdb::CoordBBox box;
+    tree.evalLeafBoundingBox(box);
+    auto tile = tree.cbeginValueAll();
+    tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile)
+        if (*tile < 0) box.expand(tile.getBoundingBox());
+    return box;
+}
+
+/// Let @a grid be outside beyond @a region. OpenVDB makes nodes all along the sides of the box that
+/// it clips by: those beyond what there is are brought up to it.
+void clipTo(openvdb::FloatGrid& grid, const openvdb::CoordBBox& region)
+{
+    openvdb::CoordBBox box = solidBox(grid.tree());
+    if (box.empty() || region.isInside(box)) return;
+    box.intersect(region);
+    if (box.empty())
+        grid.tree().clear();
+    else
+        grid.clip(box);
+}
+
 /// The part of @a whole in @a region; the rest is outside.
 LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
 {
     const openvdb::FloatGrid::Ptr grid = whole.grid().deepCopy();
-    grid->clip(region);
+    clipTo(*grid, region);
     return LevelSet(grid);
 }
 
@@ -150,7 +175,7 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
         const LevelSet measured = redistance(*grid, settings.halfWidth, &progress);
         return region ? cropped(measured, *region) : measured;
     }
-    if (region) grid->clip(*region);
+    if (region) clipTo(*grid, *region);
     return LevelSet(grid);
 }
 

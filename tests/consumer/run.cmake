@@ -21,6 +21,16 @@ if(NOT output MATCHES "^[1-9][0-9]+ active voxels\n$")
     message(FATAL_ERROR "the consumer printed: ${output}")
 endif()
 step(${WORK_DIR}/prefix/bin/mpuvdb --version)
+# Where something that it needs is missing it is not found, and who can do without goes on.
+file(WRITE ${WORK_DIR}/optional/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)
+project(optional LANGUAGES CXX)
+find_package(mpuvdb QUIET)
+if(mpuvdb_FOUND)
+    message(FATAL_ERROR \"found without PNG\")
+endif()
+")
+step(${CMAKE_COMMAND} -S ${WORK_DIR}/optional -B ${WORK_DIR}/optional/build ${settings}
+    -D CMAKE_DISABLE_FIND_PACKAGE_PNG=ON)
 
 # Cuts the blocks of LANGUAGE out of PAGE: FOLDER/PREFIX1.LANGUAGE and so on; COUNT gets their number.
 function(cut_blocks page language folder prefix count)

@@ -38,7 +38,10 @@ std::vector<int> parseFrames(const std::string& text)
     static const std::regex pattern(R"((-?\d{1,8})(-(-?\d{1,8})(x(\d{1,8}))?)?)");
     std::smatch parts;
     if (!std::regex_match(text, parts, pattern))
-        throw UsageError(fmt::format("--frames {}: is not a range. Write 7, 1-24 or 1-24x2", text));
+        throw UsageError(fmt::format(
+            "--frames {}: is not a range of numbers of up to 8 digits. Write 7, 1-24 or "
+            "1-24x2",
+            text));
     const int first = std::atoi(parts[1].str().c_str());
     const int last = parts[3].matched ? std::atoi(parts[3].str().c_str()) : first;
     const int step = parts[5].matched ? std::atoi(parts[5].str().c_str()) : 1;

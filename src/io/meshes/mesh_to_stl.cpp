@@ -10,8 +10,24 @@
 namespace mpuvdb
 {
 
+namespace
+{
+
+/// Whether a triangle with three corners has fewer as floats.
+bool collapses(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3f* rounded)
+{
+    const bool isWhole = a != b && b != c && c != a;
+    return isWhole &&
+           (rounded[0] == rounded[1] || rounded[1] == rounded[2] || rounded[2] == rounded[0]);
+}
+
+} // namespace
+
 void writeStl(const MeshJob& job, OutputBuffer& out)
 {
+    /// Largest share of the triangles that floats may collapse. [derived: slivers, of which meshes
+    /// have fewer]
+    constexpr double kMaxCollapsed = 0.01;
     const Mesh& mesh = job.mesh;
     if (mesh.triangles.size() > std::numeric_limits<std::uint32_t>::max())
         throw LimitError(fmt::format("{}: {} triangles are more than an STL file can hold. Write a "
@@ -21,6 +37,7 @@ void writeStl(const MeshJob& job, OutputBuffer& out)
     header.resize(80, ' ');
     out.text(header);
     out.value(std::uint32_t(mesh.triangles.size()));
+    std::size_t collapsed = 0;
     forEachItem(mesh.triangles.size(), out, job.progress, [&](std::size_t i) {
         const Mesh::Triangle& t = mesh.triangles[i];
         const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
@@ -29,9 +46,16 @@ void writeStl(const MeshJob& job, OutputBuffer& out)
         const Vec3f rounded[4] = {length > 0 ? Vec3f((normal / length).cast<float>())
                                              : Vec3f(Vec3f::Zero()),
                                   a.cast<float>(), b.cast<float>(), c.cast<float>()};
+        collapsed += collapses(a, b, c, rounded + 1);
         for (const Vec3f& v : rounded) out.append(v.data(), sizeof(float) * 3);
         out.value(std::uint16_t(0));
     });
+    if (double(collapsed) > kMaxCollapsed * double(mesh.triangles.size()))
+        throw InputError(
+            fmt::format("{}: {} of {} triangles collapse in the floats of an STL file, "
+                        "so far are they from the origin. Write a .ply or .obj file, "
+                        "or move the mesh",
+                        job.name, collapsed, mesh.triangles.size()));
 }
 
 } // namespace mpuvdb
