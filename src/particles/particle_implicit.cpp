@@ -351,6 +351,7 @@ ParticleImplicit sampleParticles(const ParticleOctaves& octaves, const Lattice& 
     std::size_t particles = 0;
     for (const ParticleBins& bins : octaves) particles += bins.size();
     const double fewest = fewestBlocks(octaves.back().largestRadius(), lattice.voxelSize);
+    // At most so many that their bytes fit 64 bits.
     requireMemory(particles, std::size_t(std::min(fewest, 1e15)), lattice.voxelSize, maxBytes);
     progress.beginStage("blocks");
     const ParticleBlocks blocks(octaves, lattice, isSmooth, progress);
